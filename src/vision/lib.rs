@@ -5,6 +5,8 @@
 
 pub mod error;
 
+pub mod lock;
+
 pub mod clock;
 
 pub mod geometry;

@@ -237,7 +237,7 @@ fn let_through() -> BTreeSet<String> {
         .map(|(name, calls)| (name, calls.split(' ').collect()))
         .collect();
     let spelled_out = |word: &str| sets.get(word).cloned().unwrap_or_default();
-    // What every process needs to be started is always let through.
+    // Calls that every process needs to be started are always let through.
     let mut calls: BTreeSet<String> = spelled_out("@default").into_iter().map(str::to_owned).collect();
     let unit = read(UNIT);
     for value in unit.lines().filter_map(|line| line.strip_prefix("SystemCallFilter=")) {

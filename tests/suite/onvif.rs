@@ -184,14 +184,14 @@ fn another_host_is_told_beside_the_one_that_answered_and_never_asked() {
             started(Oddities { told_authority: Some(authority), told_login, ..Oddities::default() });
         is_well(&report);
         let told = CameraUrl::new(format!("rtsp://{host}:8554/live/main?a=1&b=2"));
-        assert_eq!(report.streams[0].told_url, Some(told));
+        assert_eq!(report.streams[0].reported_url, Some(told));
     }
     let device =
         OnvifDevice::start(Oddities { told_authority: Some("192.168.0.100:80"), ..Oddities::default() });
     let found = probe(Audience::One(device.probed()), &MediaSettings::default().networks).unwrap();
     let camera = &found.devices[0];
     assert_eq!(camera.services, [CameraUrl::new("http://127.0.0.1/onvif/device_service")]);
-    assert_eq!(camera.told_services, [CameraUrl::new("http://192.168.0.100:80/onvif/device_service")]);
+    assert_eq!(camera.reported_services, [CameraUrl::new("http://192.168.0.100:80/onvif/device_service")]);
 }
 
 #[test]

@@ -43,7 +43,7 @@ pub enum Wanted {
 /// Ways in which a device answers questions.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Answers {
-    /// As it should.
+    /// Answers that are right.
     #[default]
     Well,
     /// With more than anybody reads.
@@ -54,7 +54,7 @@ pub enum Answers {
     Never,
     /// With the address of somebody else.
     Redirected,
-    /// As a web server does that is no camera.
+    /// Answers of a web server that is no camera.
     Page,
 }
 
@@ -365,7 +365,7 @@ impl Device {
     }
 }
 
-/// Whether a question is one to the second media service.
+/// Returns true where a question is one to the second media service.
 fn is_of_second(body: &str) -> bool {
     body.contains("/ver20/media/wsdl")
 }

@@ -86,7 +86,7 @@ pub(crate) fn discovery() -> Value {
             nullable(text()),
             "At the host that was asked, without a login, as `url` of a source takes it; null where there is none",
         ),
-        ("told_url", nullable(text()), "As the camera tells it, where that is at another host"),
+        ("reported_url", nullable(text()), "As the camera tells it, where that is at another host"),
     ]);
     let device = object([
         (
@@ -94,7 +94,7 @@ pub(crate) fn discovery() -> Value {
             list(text()),
             "Its device service at each address from which it answered, as `address` takes it",
         ),
-        ("told_services", list(text()), "As it tells it, where that is at other hosts"),
+        ("reported_services", list(text()), "As it tells it, where that is at other hosts"),
         ("endpoint", nullable(text()), "What it is told apart by, where it answered everybody's question"),
         ("name", nullable(text()), ""),
         ("maker", nullable(text()), ""),

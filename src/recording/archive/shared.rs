@@ -12,12 +12,13 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex};
 use std::thread::JoinHandle;
 use tokio::runtime::Handle as Runtime;
 use videofields_vision::clock::{Clock, Timestamp};
 use videofields_vision::config::ArchiveSettings;
 use videofields_vision::frame::CameraId;
+use videofields_vision::lock::lock;
 
 /// Bytes of frames of all cameras that may wait for the disk: seconds of many cameras.
 const QUEUE_BYTES: usize = 64 << 20;
@@ -239,9 +240,4 @@ impl fmt::Debug for Shared {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
         formatter.debug_struct("Shared").field("settings", &self.settings()).finish_non_exhaustive()
     }
-}
-
-/// No panic falls between two changes that belong together.
-fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }

@@ -25,7 +25,7 @@ const REFERENCE_LASTS_NANOS: i64 = 30_000_000_000;
 /// Least pace of scene time while it is ahead of what it should be: it goes on at nine tenths until it is not.
 const LEAST_PACE_TENTHS: i64 = 9;
 
-/// The same while a connection is young: its first pictures come late, since their decoder is started meanwhile.
+/// Least pace while a connection is young: its first pictures come late, since their decoder is started meanwhile.
 const YOUNG_PACE_TENTHS: i64 = 4;
 
 /// Time for which a connection is young.

@@ -1,6 +1,6 @@
 //! Cameras at this machine: V4L2 devices.
 
-use super::live::{LiveSource, error_of};
+use super::live::LiveSource;
 use super::{CameraError, IngestError, StopFlag, Tap};
 use crate::media::{DeviceWish, Input};
 use std::io;
@@ -23,7 +23,7 @@ pub(super) fn open(
         height_px: settings.height_px,
         rate_hz: settings.rate_hz,
     };
-    let input = Input::v4l2(path, &wish).map_err(|fault| error_of(&place, fault))?;
+    let input = Input::v4l2(path, &wish).map_err(|fault| IngestError::of_fault(&place, fault))?;
     LiveSource::start(place, input, tap, stop)
 }
 

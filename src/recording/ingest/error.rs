@@ -1,8 +1,8 @@
 //! What can go wrong between a path and its frames.
 
-use crate::media::{ConnectionFault, SIZE_LIMIT};
+use crate::media::{ConnectionFault, Fault, SIZE_LIMIT};
 use std::borrow::Cow;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use videofields_vision::error::ErrorKind;
 use videofields_vision::frame::YuvError;
 
@@ -163,7 +163,7 @@ pub enum IngestError {
     Worker {
         /// The path as asked for.
         path: PathBuf,
-        /// How it ended.
+        /// Manner in which it ended.
         how: String,
     },
     /// A format that is never read.
@@ -224,6 +224,23 @@ pub enum IngestError {
 }
 
 impl IngestError {
+    /// Returns the error that a fault of the file or the camera at `place` is.
+    pub(super) fn of_fault(place: &(impl AsRef<Path> + ?Sized), fault: Fault) -> Self {
+        let path = place.as_ref().to_path_buf();
+        match fault {
+            Fault::NotVideo(detail) => Self::NotVideo { path, detail },
+            Fault::MissingCodec { codec, package } => Self::MissingCodec { path, codec, package },
+            Fault::Refused { format, allowed } => Self::Refused { path, format, allowed },
+            Fault::TooLarge { width, height } => Self::TooLarge { path, width, height },
+            Fault::Damaged(detail) => Self::Damaged { path, detail },
+            Fault::Worker(how) => Self::Worker { path, how },
+            Fault::Gstreamer { action, detail } => Self::Gstreamer { action, detail },
+            Fault::Connection(fault) => {
+                super::CameraError::Connection { place: path.display().to_string(), fault }.into()
+            }
+        }
+    }
+
     /// Whether the fault lies in what the source holds, so that reading it again meets it again.
     #[must_use]
     pub(super) const fn is_of_content(&self) -> bool {

@@ -59,19 +59,10 @@ impl VideoFile {
     }
 
     fn error(&self, fault: Fault) -> IngestError {
-        let path = self.path.clone();
-        match fault {
-            Fault::NotVideo(detail) => IngestError::NotVideo { path, detail },
-            Fault::MissingCodec { codec, package } => IngestError::MissingCodec { path, codec, package },
-            Fault::Refused { format, allowed } => IngestError::Refused { path, format, allowed },
-            Fault::TooLarge { width, height } => IngestError::TooLarge { path, width, height },
-            Fault::Damaged(detail) => IngestError::Damaged { path, detail },
-            Fault::Worker(how) => IngestError::Worker { path, how },
-            Fault::Connection(fault) => IngestError::Damaged { path, detail: format!("{fault:?}") },
-            Fault::Gstreamer { action, detail } => IngestError::Gstreamer { action, detail },
-        }
+        IngestError::of_fault(&self.path, fault)
     }
 
+    /// Returns the next picture; none at the end.
     fn pull(&self, decoder: &mut Decoder) -> Result<Option<Picture>, IngestError> {
         for _ in 0..SILENCE_SECS * 1000 / LOOK.as_millis() as u64 {
             if self.stop.is_raised() {

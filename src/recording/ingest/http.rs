@@ -1,7 +1,7 @@
 //! Cameras that send motion JPEG over HTTP: one answer without end, a picture a part.
 
 use super::endpoint::Endpoint;
-use super::live::{LiveSource, error_of};
+use super::live::LiveSource;
 use super::secret::Credentials;
 use super::{IngestError, MediaRoots, StopFlag, Tap};
 use crate::media::Input;
@@ -16,6 +16,7 @@ pub(super) fn open(
 ) -> Result<LiveSource, IngestError> {
     let credentials = Credentials::for_camera(settings, roots, endpoint)?;
     let login = credentials.as_ref().map(Credentials::login);
-    let input = Input::http(&endpoint.peer(), login).map_err(|fault| error_of(&endpoint.place(), fault))?;
+    let input = Input::http(&endpoint.peer(), login)
+        .map_err(|fault| IngestError::of_fault(&endpoint.place(), fault))?;
     LiveSource::start(endpoint.place(), input, tap, stop)
 }

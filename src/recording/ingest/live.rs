@@ -8,7 +8,6 @@ use super::jpeg::push_as_jpeg;
 use super::pairing::Pairing;
 use super::{CameraError, IngestError, Lost, Polled, Source, SourceFrame, StopFlag, Tap};
 use crate::media::{ConnectionFault, Decoder, Decoding, EncodedFrame, EncodedQueue, Fault, Input, Picture};
-use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Duration;
 use videofields_vision::clock::Timestamp;
@@ -39,7 +38,8 @@ impl LiveSource {
     /// Starts what `input` gives; `place` is what messages call it.
     pub(super) fn start(place: String, input: Input, tap: Tap, stop: &StopFlag) -> Result<Self, IngestError> {
         let encoded = (tap == Tap::Open).then(|| Arc::new(EncodedQueue::new(ENCODED_BYTES)));
-        let decoder = Decoder::start(input, encoded.as_ref()).map_err(|fault| error_of(&place, fault))?;
+        let decoder =
+            Decoder::start(input, encoded.as_ref()).map_err(|fault| IngestError::of_fault(&place, fault))?;
         Ok(Self {
             place,
             decoder,
@@ -105,10 +105,10 @@ impl Source for LiveSource {
             return Ok(Polled::Frame(self.frame(picture)));
         }
         if let Some(fault) = self.decoder.fault() {
-            return Err(error_of(&self.place, fault));
+            return Err(IngestError::of_fault(&self.place, fault));
         }
         if self.decoder.has_ended() {
-            return Err(error_of(&self.place, Fault::Connection(ConnectionFault::Closed)));
+            return Err(IngestError::of_fault(&self.place, Fault::Connection(ConnectionFault::Closed)));
         }
         Ok(Polled::Waiting)
     }
@@ -138,20 +138,5 @@ impl Source for LiveSource {
 
     fn lost(&self) -> Lost {
         Lost { n_replaced: self.decoder.n_replaced(), n_damaged: self.decoder.n_damaged() }
-    }
-}
-
-/// What a fault of the camera at `place` is.
-pub(super) fn error_of(place: &str, fault: Fault) -> IngestError {
-    let path = PathBuf::from(place);
-    match fault {
-        Fault::NotVideo(detail) => IngestError::NotVideo { path, detail },
-        Fault::MissingCodec { codec, package } => IngestError::MissingCodec { path, codec, package },
-        Fault::Refused { format, allowed } => IngestError::Refused { path, format, allowed },
-        Fault::TooLarge { width, height } => IngestError::TooLarge { path, width, height },
-        Fault::Damaged(detail) => IngestError::Damaged { path, detail },
-        Fault::Worker(how) => IngestError::Worker { path, how },
-        Fault::Gstreamer { action, detail } => IngestError::Gstreamer { action, detail },
-        Fault::Connection(fault) => CameraError::Connection { place: place.to_owned(), fault }.into(),
     }
 }

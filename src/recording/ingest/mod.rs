@@ -150,7 +150,7 @@ pub trait Source: Send {
         Lost::default()
     }
 
-    /// What is wrong with a file although its pictures come.
+    /// Returns what is wrong with a file although its pictures come.
     fn concern(&self) -> Option<&str> {
         None
     }

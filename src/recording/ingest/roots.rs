@@ -70,7 +70,7 @@ impl MediaRoots {
         Self { networks: networks.to_vec(), ..self }
     }
 
-    /// The same, with these logins as those that cameras may name.
+    /// Returns the same roots, with these logins as those that cameras may name.
     #[must_use]
     pub fn with_credentials(self, credentials: &[CredentialsSettings]) -> Self {
         Self { credentials: credentials.to_vec(), ..self }

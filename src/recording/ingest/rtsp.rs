@@ -3,7 +3,7 @@
 //! Over TCP by default. What the camera says of the time of capture (RTCP sender reports) comes with the frames.
 
 use super::endpoint::Endpoint;
-use super::live::{LiveSource, error_of};
+use super::live::LiveSource;
 use super::secret::Credentials;
 use super::{IngestError, MediaRoots, StopFlag, Tap};
 use crate::media::Input;
@@ -19,6 +19,6 @@ pub(super) fn open(
     let credentials = Credentials::for_camera(settings, roots, endpoint)?;
     let login = credentials.as_ref().map(Credentials::login);
     let input = Input::rtsp(&endpoint.peer(), settings.transport, login)
-        .map_err(|fault| error_of(&endpoint.place(), fault))?;
+        .map_err(|fault| IngestError::of_fault(&endpoint.place(), fault))?;
     LiveSource::start(endpoint.place(), input, tap, stop)
 }

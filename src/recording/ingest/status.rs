@@ -190,7 +190,7 @@ impl SharedStatus {
     }
 
     /// Tells something of the state that it is in.
-    pub(super) fn tell(&self, reason: String) {
+    pub(super) fn set_reason(&self, reason: String) {
         self.lock().reason = Some(reason);
     }
 

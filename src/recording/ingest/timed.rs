@@ -44,7 +44,7 @@ pub(super) struct TimedSource<M> {
     encoded: VecDeque<EncodedFrame>,
     /// Columns and rows of the first picture.
     first_size_px: Option<(u32, u32)>,
-    /// What is wrong although pictures come: one had another size than the first.
+    /// Concern although pictures come: one had another size than the first.
     concern: Option<String>,
 }
 

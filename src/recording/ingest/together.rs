@@ -1,4 +1,4 @@
-//! What keeps files in step that begin together: a common beginning once all are ready, and a common pace where all frames count.
+//! Keeps files in step that begin together: a common beginning once all are ready, and a common pace where all frames count.
 //!
 //! Cameras' threads join before they run, tell how far they are, and ask whether they may go on; nobody blocks in here. Of files in
 //! real time the first frame waits until each has decoded its own and learned its background; then stream time 0 is the same
@@ -35,7 +35,7 @@ struct State {
     began: Option<Duration>,
 }
 
-/// How far a member is.
+/// Progress of a member.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Standing {
     /// It gets ready to begin.
@@ -201,7 +201,7 @@ mod tests {
         assert!(!fast.may_go(SEC + 1), "the other has not begun");
         assert!(slow.may_go(1));
         assert!(fast.may_go(SEC + 1));
-        // Of pictures that are far apart the slowest's next may always be taken.
+        // The slowest's next picture may always be taken, however far apart pictures are.
         assert!(slow.may_go(60 * SEC) || fast.may_go(60 * SEC));
         drop(slow);
         assert!(fast.may_go(600 * SEC), "one that ended holds nobody up");

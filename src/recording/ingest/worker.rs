@@ -77,7 +77,7 @@ pub trait FrameConsumer: Send {
     /// when its picture does, and also where its picture was left out.
     fn record(&mut self, _frame: &EncodedFrame, _time: Timestamp) {}
 
-    /// Whether [`Self::record`] leaves nothing out for want of room; a file of which every frame counts waits for it.
+    /// Returns true where [`Self::record`] leaves nothing out for want of room; a file of which every frame counts waits for it.
     fn has_room(&self) -> bool {
         true
     }
@@ -265,7 +265,7 @@ struct Camera {
     clock: Arc<dyn Clock>,
     /// Scene time of stream time 0 as it is configured.
     start: Option<Timestamp>,
-    /// The same as it is in force.
+    /// Start that is in force.
     scene_start: Timestamp,
     /// Tells that to others.
     zero: Arc<AtomicI64>,
@@ -273,16 +273,16 @@ struct Camera {
     together: Together,
     member: Option<Member>,
     pace: Pace,
-    /// Whether the consumer is.
+    /// True once the consumer is prepared.
     is_prepared: bool,
-    /// How far a file that is played whole was played, and how far it was when it was opened again after a failure.
+    /// Progress of a file that is played whole, and its progress when it was opened again after a failure.
     played: Option<Played>,
     resumed: Option<Played>,
     /// Frames that were left out, until the log tells them.
     losses: Losses,
     /// Frames of a file that were damaged.
     damage: u64,
-    /// What is wrong with the source although its frames come.
+    /// Concern of the source although its frames come.
     source_concern: Option<String>,
     own_clock: SharedClock,
     corrected: Corrected,
@@ -382,7 +382,7 @@ impl Camera {
         }
         self.consumer.finish();
         if self.damage > 0 && last_state == CameraState::Ended && !self.stop.is_raised() {
-            self.status.tell(format!("{} of its pictures were damaged and are left out", self.damage));
+            self.status.set_reason(format!("{} of its pictures were damaged and are left out", self.damage));
         }
         if last_state != CameraState::Failed {
             self.status.set(last_state, self.clock.now());

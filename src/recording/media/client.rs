@@ -5,7 +5,7 @@
 
 use super::fault::{ConnectionFault, Fault, gstreamer_fault};
 use super::input::{Connection, make};
-use super::pipeline::tell;
+use super::linking::report;
 use super::tls::encrypt;
 use gst::prelude::*;
 use gstreamer as gst;
@@ -134,7 +134,7 @@ pub(super) fn spawn<F: Future<Output = Option<Fault>>>(
             Err(error) => Some(gstreamer_fault("start a connection", &error)),
         };
         if let Some(fault) = fault {
-            tell(&faults, fault);
+            report(&faults, fault);
         }
     };
     let thread = std::thread::Builder::new().name(name.to_owned()).spawn(work);

@@ -3,7 +3,7 @@
 use super::fault::gstreamer_fault;
 use super::input::Kind;
 use super::pipeline::{Pipeline, codec_of};
-use super::worker::{Decoding, Remote, Sandbox, Work};
+use super::worker::{Decoding, Sandbox, Work, WorkerHandle};
 use super::{EncodedQueue, Fault, Input, Picture, PlaneReader};
 use gstreamer as gst;
 use std::sync::{Arc, OnceLock};
@@ -14,7 +14,7 @@ use std::time::Duration;
 /// # Errors
 /// When no process can be started, or it says nothing for a while.
 pub fn look_at_sandbox() -> Result<Sandbox, Fault> {
-    Remote::look_at_sandbox()
+    WorkerHandle::look_at_sandbox()
 }
 
 /// Longest time that a worker is waited for while it is not known whether pictures come from it.
@@ -24,7 +24,7 @@ const SHORT: Duration = Duration::from_millis(20);
 #[derive(Debug)]
 pub struct Decoder {
     /// Comes first, so that a pipeline's threads do not wait for it when they are to end.
-    worker: Option<Remote>,
+    worker: Option<WorkerHandle>,
     camera: Option<Camera>,
 }
 
@@ -52,16 +52,16 @@ impl Decoder {
         let times = input.times;
         match input.kind {
             Kind::File(file) => {
-                let worker = Remote::start(Work::File(file, encoded.cloned()), times)?;
+                let worker = WorkerHandle::start(Work::File(file, encoded.cloned()), times)?;
                 Ok(Self { worker: Some(worker), camera: None })
             }
             Kind::Stream(reader) => {
-                let worker = Remote::start(Work::Stream(reader), times)?;
+                let worker = WorkerHandle::start(Work::Stream(reader), times)?;
                 Ok(Self { worker: Some(worker), camera: None })
             }
             Kind::Live(source, client) => {
-                let worker = Remote::start(Work::Frames, times)?;
-                let (frames, codec) = (worker.frames(), Arc::<OnceLock<_>>::default());
+                let worker = WorkerHandle::start(Work::Frames, times)?;
+                let (frames, codec) = (worker.frame_feed(), Arc::<OnceLock<_>>::default());
                 let known = Arc::clone(&codec);
                 let take = Box::new(move |sample: &gst::SampleRef| {
                     known.get_or_init(|| sample.caps().and_then(codec_of));
@@ -91,16 +91,16 @@ impl Decoder {
     /// a picture.
     #[must_use]
     pub fn n_damaged(&self) -> u64 {
-        self.sum(Remote::n_damaged, Pipeline::n_damaged)
+        self.sum(WorkerHandle::n_damaged, Pipeline::n_damaged)
     }
 
     /// Returns the number of pictures of a camera that newer ones replaced before they were pulled; one that waits now may be counted.
     #[must_use]
     pub fn n_replaced(&self) -> u64 {
-        self.sum(Remote::n_replaced, Pipeline::n_replaced)
+        self.sum(WorkerHandle::n_replaced, Pipeline::n_replaced)
     }
 
-    fn sum(&self, of_worker: impl Fn(&Remote) -> u64, of_pipeline: impl Fn(&Pipeline) -> u64) -> u64 {
+    fn sum(&self, of_worker: impl Fn(&WorkerHandle) -> u64, of_pipeline: impl Fn(&Pipeline) -> u64) -> u64 {
         self.worker.as_ref().map_or(0, of_worker)
             + self.camera.as_ref().map_or(0, |camera| of_pipeline(&camera.pipeline))
     }
@@ -110,7 +110,7 @@ impl Decoder {
     pub fn has_ended(&self) -> bool {
         match &self.camera {
             Some(camera) => camera.pipeline.has_ended(),
-            None => self.worker.as_ref().is_some_and(Remote::has_ended),
+            None => self.worker.as_ref().is_some_and(WorkerHandle::has_ended),
         }
     }
 

@@ -35,7 +35,7 @@ pub struct EncodedFrame {
 
 /// Basis of a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub(super) enum Build {
+pub(super) enum FrameKind {
     /// Nothing: decoding can begin with it.
     Key,
     /// Frames before it.
@@ -136,9 +136,9 @@ impl EncodedFrame {
         bytes: Vec<u8>,
         format: Arc<EncodedFormat>,
         [stream_nanos, interval_nanos]: [Option<i64>; 2],
-        build: Build,
+        build: FrameKind,
     ) -> Self {
-        let is_key = build == Build::Key;
+        let is_key = build == FrameKind::Key;
         let mut buffer = gst::Buffer::from_mut_slice(bytes);
         if let Some(buffer) = buffer.get_mut().filter(|_| !is_key) {
             buffer.set_flags(gst::BufferFlags::DELTA_UNIT);

@@ -6,26 +6,23 @@
 //! writes I420 there is no converter, and the sink accepts padded rows (`VideoMeta`), so nothing is copied. Where the
 //! encoded frames are wanted too, `tap` splits the stream before decodebin.
 
-use super::allowed::{is_allowed, is_refused};
-use super::announced::{MAX_SIDE, is_too_large, size_of_format};
+use super::allowed::is_refused;
 use super::device::device_fault;
 use super::fault::{ConnectionFault, gstreamer_fault, missing_codec, refused_format};
 use super::input::{Client, Connection, Keep, Memory, Source, make};
+use super::linking::{link_first_video, watch};
 use super::probes::{be_patient, count_entries, refuse_large_pictures, tell_large_pictures};
+use super::sink::{count_arrivals, free_with_the_last_user, make_sink};
 use super::{EncodedQueue, Fault, tap};
 use gst::glib;
 use gst::prelude::*;
 use gstreamer as gst;
 use gstreamer_app as gst_app;
-use gstreamer_video as gst_video;
 use std::fs::File;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::time::Duration;
-
-/// Decoded pictures that wait in the sink; decoding blocks when it is full.
-const QUEUE_LENGTH: u32 = 4;
 
 /// Most threads of one decoder: many cameras decode side by side.
 const MAX_DECODER_THREADS: usize = 2;
@@ -81,7 +78,7 @@ impl Pipeline {
             let Some(queue) = encoded else { return Ok(decode.clone()) };
             let parse = make("parsebin")?;
             watch(&parse, parts);
-            tap::split_first_video(&parse, &decode, (parts.pipeline, queue), parts.faults.clone());
+            tap::split_first_video(&parse, &decode, parts, queue);
             Ok(parse)
         })?;
         built.run(None)
@@ -91,11 +88,11 @@ impl Pipeline {
     /// `encoded`. Pictures that come unencoded are pulled here.
     ///
     /// # Errors
-    /// As [`Self::start`].
+    /// When `GStreamer` lacks an element or cannot start; all else shows with the first picture.
     pub(super) fn hand_over(
         (source, client): (Source, Option<Box<dyn Client>>),
         encoded: Option<&Arc<EncodedQueue>>,
-        frames: tap::Taker,
+        frames: tap::FrameHandler,
     ) -> Result<Self, Fault> {
         let built = Built::new(source, Aim::Frames, |parts| {
             let parse = make("parsebin")?;
@@ -249,7 +246,7 @@ pub(super) struct Parts<'a> {
     pub(super) sink: &'a gst_app::AppSink,
     pub(super) keep: Keep,
     pub(super) faults: &'a SyncSender<Fault>,
-    unknown_streams: &'a SyncSender<gst::Caps>,
+    pub(super) unknown_streams: &'a SyncSender<gst::Caps>,
 }
 
 impl Built {
@@ -334,65 +331,6 @@ impl Drop for Pipeline {
     }
 }
 
-/// The end of the pipeline.
-pub(super) fn make_sink(keep: Keep, allocator: Option<&gst::Allocator>) -> gst_app::AppSink {
-    let caps = gst::Caps::builder("video/x-raw")
-        .field("format", "I420")
-        .field("width", gst::IntRange::new(1, MAX_SIDE as i32))
-        .field("height", gst::IntRange::new(1, MAX_SIDE as i32))
-        .build();
-    let sink = gst_app::AppSink::builder()
-        .caps(&caps)
-        .max_buffers(if keep == Keep::All { QUEUE_LENGTH } else { 1 })
-        .drop(keep == Keep::Newest)
-        .sync(false)
-        .enable_last_sample(false)
-        .build();
-    // The sink answers the decoder's question for memory itself: rows may be padded. Without that answer decoders
-    // that pad copy every picture into unpadded rows.
-    let allocator = allocator.cloned();
-    if let Some(pad) = sink.static_pad("sink") {
-        pad.add_probe(gst::PadProbeType::QUERY_DOWNSTREAM, move |_pad, info| {
-            let Some(query) = info.query_mut() else { return gst::PadProbeReturn::Ok };
-            let gst::QueryViewMut::Allocation(query) = query.view_mut() else {
-                return gst::PadProbeReturn::Ok;
-            };
-            query.add_allocation_meta::<gst_video::VideoMeta>(None);
-            if let Some(allocator) = &allocator {
-                query.add_allocation_param(Some(allocator), gst::AllocationParams::default());
-            }
-            gst::PadProbeReturn::Handled
-        });
-    }
-    sink
-}
-
-/// Has each picture's memory freed with its last user. A pool takes back what it gave, for its next pictures, as long as it
-/// lives: whoever held a whole group of pictures once would leave all of their memory with a decoder that rests. What bears
-/// this flag is taken for changed, and is not taken back.
-fn free_with_the_last_user(sink: &gst_app::AppSink) {
-    let Some(pad) = sink.static_pad("sink") else { return };
-    pad.add_probe(gst::PadProbeType::BUFFER, |_pad, info| {
-        if let Some(buffer) = info.buffer_mut() {
-            buffer.make_mut().set_flags(gst::BufferFlags::TAG_MEMORY);
-        }
-        gst::PadProbeReturn::Ok
-    });
-}
-
-/// Counts the pictures that reach the sink.
-fn count_arrivals(sink: &gst_app::AppSink) -> Arc<AtomicU64> {
-    let n_arrived = Arc::new(AtomicU64::new(0));
-    if let Some(pad) = sink.static_pad("sink") {
-        let counter = Arc::clone(&n_arrived);
-        pad.add_probe(gst::PadProbeType::BUFFER, move |_pad, _info| {
-            counter.fetch_add(1, Ordering::Relaxed);
-            gst::PadProbeReturn::Ok
-        });
-    }
-    n_arrived
-}
-
 /// Lets nothing but errors wait on the bus of a pipeline, which may run for months: what decoders complain of is counted, the
 /// rest is nobody's.
 fn keep_errors_alone(bus: &gst::Bus, n_damaged: &Arc<AtomicU64>) {
@@ -458,153 +396,4 @@ fn set_up(element: &gst::Element) {
     if element.find_property("direct-rendering").is_some() {
         element.set_property("direct-rendering", false);
     }
-}
-
-fn link_first_video(decode: &gst::Element, parts: &Parts<'_>) {
-    let (pipeline, sink, keep) = (parts.pipeline.downgrade(), parts.sink.downgrade(), parts.keep);
-    let is_linked = Arc::new(AtomicBool::new(false));
-    let (was_linked, no_video) = (Arc::clone(&is_linked), parts.faults.clone());
-    decode.connect_no_more_pads(move |_decode| {
-        if !was_linked.load(Ordering::Acquire) {
-            tell(&no_video, Fault::NotVideo("it has no video stream".to_owned()));
-        }
-    });
-    let faults = parts.faults.clone();
-    decode.connect_pad_added(move |_decode, pad| {
-        let (Some(pipeline), Some(sink)) = (pipeline.upgrade(), sink.upgrade()) else { return };
-        let caps = pad.current_caps().unwrap_or_else(|| pad.query_caps(None));
-        let is_video = caps.structure(0).is_some_and(|structure| structure.name() == "video/x-raw");
-        if !is_video || is_linked.swap(true, Ordering::AcqRel) {
-            return;
-        }
-        if let Err(fault) = link_video(pad, &caps, &pipeline, (&sink, keep)) {
-            tell(&faults, fault);
-        }
-    });
-}
-
-/// One fault is enough: when the channel is full, the one in it is told.
-pub(super) fn tell(faults: &SyncSender<Fault>, fault: Fault) {
-    if let Err(error) = faults.try_send(fault) {
-        tracing::debug!(%error, "a second fault of one stream is not told");
-    }
-}
-
-/// Links a pad that gives unencoded video to the sink, through a converter where it has another form.
-pub(super) fn link_video(
-    pad: &gst::Pad,
-    caps: &gst::Caps,
-    pipeline: &gst::Pipeline,
-    (sink, keep): (&gst_app::AppSink, Keep),
-) -> Result<(), Fault> {
-    let structure =
-        caps.structure(0).ok_or_else(|| Fault::NotVideo("a stream without a format".to_owned()))?;
-    if let Some((width, height)) = size_of_format(structure).filter(|size| is_too_large(*size)) {
-        return Err(Fault::TooLarge { width, height });
-    }
-    let fails = |error: glib::BoolError| gstreamer_fault("convert the decoder's pictures", &error);
-    let mut end: gst::Element = sink.clone().upcast();
-    if keep == Keep::All {
-        // Lets everything through untouched unless the file says that its pictures are turned, which it does later.
-        end = put_before("videoflip", &end, pipeline).map_err(fails)?;
-        end.set_property_from_str("video-direction", "auto");
-    }
-    if structure.get::<&str>("format") != Ok("I420") {
-        end = add_converter(pipeline, &end, structure).map_err(fails)?;
-    }
-    let target = end.static_pad("sink");
-    let target = target.ok_or_else(|| Fault::Gstreamer {
-        action: "link the decoder".into(),
-        detail: "an element has no sink pad".to_owned(),
-    })?;
-    pad.link(&target).map(|_linked| ()).map_err(|error| gstreamer_fault("link the decoder", &error))
-}
-
-/// Returns whether an event says that pictures are to be turned or mirrored before they are shown, as telephones' are.
-pub(super) fn turns_pictures(event: &gst::EventRef) -> bool {
-    let gst::EventView::Tag(event) = event.view() else { return false };
-    event
-        .tag()
-        .get::<gst::tags::ImageOrientation>()
-        .is_some_and(|orientation| orientation.get() != "rotate-0")
-}
-
-/// Puts a new element in front of `next`.
-fn put_before(
-    name: &'static str,
-    next: &gst::Element,
-    pipeline: &gst::Pipeline,
-) -> Result<gst::Element, glib::BoolError> {
-    let element = gst::ElementFactory::make(name).build()?;
-    pipeline.add(&element)?;
-    element.link(next)?;
-    element.sync_state_with_parent()?;
-    Ok(element)
-}
-
-/// A converter to I420 in front of `next`. The colours keep the code that the decoder gave them, so that no
-/// range is squeezed.
-fn add_converter(
-    pipeline: &gst::Pipeline,
-    next: &gst::Element,
-    from: &gst::StructureRef,
-) -> Result<gst::Element, glib::BoolError> {
-    let has_luma = from
-        .get::<&str>("format")
-        .ok()
-        .and_then(|name| name.parse::<gst_video::VideoFormat>().ok())
-        .map(gst_video::VideoFormatInfo::from_format)
-        .is_some_and(|format| format.is_yuv() || format.is_gray());
-    let colorimetry = from.get::<&str>("colorimetry").ok().filter(|_| has_luma);
-    let to = gst::Caps::builder("video/x-raw").field("format", "I420");
-    let to = to.field_if_some("colorimetry", colorimetry).build();
-    let filter = put_before("capsfilter", next, pipeline)?;
-    filter.set_property("caps", to);
-    put_before("videoconvert", &filter, pipeline)
-}
-
-/// Leaves sound and text as they are (what is not needed is neither decoded nor missed), has nothing read by an element that
-/// is not allowed, and collects the formats of streams that nothing reads.
-fn watch(reader: &gst::Element, parts: &Parts<'_>) {
-    let keep = parts.keep;
-    reader.connect("autoplug-continue", false, |values| {
-        let caps = values.get(2).and_then(|value| value.get::<gst::Caps>().ok());
-        let is_beside =
-            caps.is_some_and(|caps| caps.structure(0).is_some_and(|kind| is_beside_video(kind.name())));
-        Some((!is_beside).to_value())
-    });
-    reader.connect("autoplug-select", false, move |values| {
-        let caps = values.get(2).and_then(|value| value.get::<gst::Caps>().ok());
-        let factory = values.get(3).and_then(|value| value.get::<gst::ElementFactory>().ok());
-        let is_skipped = caps
-            .zip(factory)
-            .is_none_or(|(caps, factory)| !is_allowed(&factory, keep) || loses_frames(&factory, &caps));
-        let kind = glib::Type::from_name("GstAutoplugSelectResult")?;
-        glib::EnumClass::with_type(kind)?.to_value_by_nick(if is_skipped { "skip" } else { "try" })
-    });
-    let unknown = parts.unknown_streams.clone();
-    reader.connect("unknown-type", false, move |values| {
-        if let Some(Ok(caps)) = values.get(2).map(glib::Value::get::<gst::Caps>)
-            && unknown.try_send(caps).is_err()
-        {
-            tracing::debug!("more unknown streams than are told of");
-        }
-        None
-    });
-}
-
-/// Returns true where an element parses again what a container has parted into frames already (seen with 1.22): that of MPEG-4
-/// (part 2) joins or loses frames at the stream's ends, those of H.264 and H.265 lose nearly all of a file with broken
-/// times. A bare stream has neither a size nor the codec's header before it was parsed.
-fn loses_frames(factory: &gst::ElementFactory, caps: &gst::Caps) -> bool {
-    let has = |field| caps.structure(0).is_some_and(|structure| structure.has_field(field));
-    match factory.name().as_str() {
-        "mpeg4videoparse" => has("width"),
-        "h264parse" | "h265parse" => has("codec_data"),
-        _ => false,
-    }
-}
-
-fn is_beside_video(kind: &str) -> bool {
-    ["audio/", "text/", "subpicture/", "closedcaption/"].iter().any(|prefix| kind.starts_with(prefix))
 }

@@ -3,8 +3,9 @@
 use super::announced::{self, Announced, is_too_large, size_of_format};
 use super::fault::Fault;
 use super::jpeg;
+use super::linking::report;
 use super::losses::Losses;
-use super::pipeline::{is_decoder, is_picture_decoder, tell};
+use super::pipeline::{is_decoder, is_picture_decoder};
 use gst::glib;
 use gst::prelude::*;
 use gstreamer as gst;
@@ -88,7 +89,7 @@ pub(super) fn tell_large_pictures(element: &gst::Element, faults: &SyncSender<Fa
             && let Announced::Size((width, height)) = announced::in_bytes(format, &bytes)
             && is_too_large((width, height))
         {
-            tell(&faults, Fault::TooLarge { width, height });
+            report(&faults, Fault::TooLarge { width, height });
         }
         gst::PadProbeReturn::Ok
     });
@@ -129,13 +130,13 @@ pub(super) fn refuse_large_pictures(element: &gst::Element, faults: &SyncSender<
             && is_too_large((width, height))
         {
             is_over.store(true, Ordering::Relaxed);
-            tell(&faults, Fault::TooLarge { width, height });
+            report(&faults, Fault::TooLarge { width, height });
         }
         if is_format {
             // It goes on, since nothing is allocated before the first buffer; that does not.
             is_unreadable.store(announced == Announced::Unreadable, Ordering::Relaxed);
             if announced == Announced::Unreadable {
-                tell(&faults, Fault::Damaged("the header of its codec cannot be read".to_owned()));
+                report(&faults, Fault::Damaged("the header of its codec cannot be read".to_owned()));
             }
             return gst::PadProbeReturn::Ok;
         }
@@ -144,7 +145,7 @@ pub(super) fn refuse_large_pictures(element: &gst::Element, faults: &SyncSender<
         } else if !has_read.load(Ordering::Relaxed)
             && n_unreadable.fetch_add(1, Ordering::Relaxed) == MAX_UNREADABLE
         {
-            tell(&faults, Fault::Damaged("the headers of its frames cannot be read".to_owned()));
+            report(&faults, Fault::Damaged("the headers of its frames cannot be read".to_owned()));
         }
         let is_kept = announced == Announced::Unreadable
             || is_over.load(Ordering::Relaxed)

@@ -6,96 +6,66 @@
 //! queue says that pictures are wanted instead; so it does where pictures are turned.
 
 use super::fault::gstreamer_fault;
-use super::pipeline::{Parts, link_video, tell, turns_pictures};
-use super::{EncodedFormat, EncodedFrame, EncodedQueue, Fault, Muxer, Times};
+use super::linking::{link_first, link_video, turns_pictures};
+use super::pipeline::Parts;
+use super::{EncodedFormat, EncodedFrame, EncodedQueue, Muxer, Times};
 use gst::glib;
 use gst::prelude::*;
 use gstreamer as gst;
 use gstreamer_app as gst_app;
-use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::mpsc::SyncSender;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex};
+use videofields_vision::lock::lock;
+
+/// Takes encoded frames, one after the other.
+pub(super) type FrameHandler = Box<dyn Fn(&gst::SampleRef) + Send + Sync>;
 
 /// Links the first video of `parse` to `decode` and to `queue`.
 pub(super) fn split_first_video(
     parse: &gst::Element,
     decode: &gst::Element,
-    (pipeline, queue): (&gst::Pipeline, &Arc<EncodedQueue>),
-    faults: SyncSender<Fault>,
+    parts: &Parts<'_>,
+    queue: &Arc<EncodedQueue>,
 ) {
-    let is_linked = Arc::new(AtomicBool::new(false));
-    let (was_linked, no_video) = (Arc::clone(&is_linked), faults.clone());
-    parse.connect_no_more_pads(move |_parse| {
-        if !was_linked.load(Ordering::Acquire) {
-            tell(&no_video, Fault::NotVideo("it has no video stream".to_owned()));
-        }
-    });
-    let (pipeline, decode, queue) = (pipeline.downgrade(), decode.clone(), Arc::clone(queue));
-    parse.connect_pad_added(move |_parse, pad| {
-        let Some(pipeline) = pipeline.upgrade() else { return };
-        let caps = pad.current_caps().unwrap_or_else(|| pad.query_caps(None));
-        let Some(structure) = caps.structure(0) else { return };
-        let kind = structure.name();
-        let is_video = kind.starts_with("video/") || kind.starts_with("image/");
-        if !is_video || is_linked.swap(true, Ordering::AcqRel) {
-            return;
-        }
-        let linked = if Muxer::takes(kind) {
-            split(pad, structure, &pipeline, (&decode, &queue))
+    let (decode, queue) = (decode.clone(), Arc::clone(queue));
+    link_first(parse, parts, is_video, move |pad, caps, pipeline| {
+        let Some(stream) = caps.structure(0) else { return Ok(()) };
+        let linked = if Muxer::takes(stream.name()) {
+            split(pad, stream, pipeline, (&decode, &queue))
         } else {
             queue.want_pictures();
-            pass_on(pad, &pipeline, &decode)
+            pass_on(pad, pipeline, &decode)
         };
-        if let Err(error) = linked {
-            tell(&faults, gstreamer_fault("split a stream", &*error));
-        }
+        linked.map_err(|error| gstreamer_fault("split a stream", &*error))
     });
 }
-
-/// Takes encoded frames, one after the other.
-pub(super) type Taker = Box<dyn Fn(&gst::SampleRef) + Send + Sync>;
 
 /// Hands the first video of `parse` over, frame by frame: to `take`, and to the queue where it can be recorded so. One that comes
 /// unencoded is linked to the pipeline's own sink.
 pub(super) fn hand_over_first_video(
     parse: &gst::Element,
     parts: &Parts<'_>,
-    (queue, take): (Option<&Arc<EncodedQueue>>, Taker),
+    (queue, take): (Option<&Arc<EncodedQueue>>, FrameHandler),
 ) {
-    let is_linked = Arc::new(AtomicBool::new(false));
-    let (was_linked, no_video) = (Arc::clone(&is_linked), parts.faults.clone());
-    parse.connect_no_more_pads(move |_parse| {
-        if !was_linked.load(Ordering::Acquire) {
-            tell(&no_video, Fault::NotVideo("it has no video stream".to_owned()));
-        }
-    });
-    let (pipeline, pictures, keep) = (parts.pipeline.downgrade(), parts.sink.downgrade(), parts.keep);
-    let (faults, queue, take) = (parts.faults.clone(), queue.cloned(), Mutex::new(Some(take)));
-    parse.connect_pad_added(move |_parse, pad| {
-        let (Some(pipeline), Some(pictures)) = (pipeline.upgrade(), pictures.upgrade()) else { return };
-        let caps = pad.current_caps().unwrap_or_else(|| pad.query_caps(None));
-        let Some(structure) = caps.structure(0) else { return };
-        let kind = structure.name();
-        let is_video = kind.starts_with("video/") || kind.starts_with("image/");
-        if !is_video || is_linked.swap(true, Ordering::AcqRel) {
-            return;
-        }
-        let is_recorded = Muxer::takes(kind);
+    let (pictures, keep) = (parts.sink.downgrade(), parts.keep);
+    let (queue, take) = (queue.cloned(), Mutex::new(Some(take)));
+    link_first(parse, parts, is_video, move |pad, caps, pipeline| {
+        let (Some(pictures), Some(stream)) = (pictures.upgrade(), caps.structure(0)) else { return Ok(()) };
+        let is_recorded = Muxer::takes(stream.name());
         if let Some(queue) = queue.as_ref().filter(|_| !is_recorded) {
             queue.want_pictures();
         }
-        if kind == "video/x-raw" {
-            if let Err(fault) = link_video(pad, &caps, &pipeline, (&pictures, keep)) {
-                tell(&faults, fault);
-            }
-            return;
+        if stream.name() == "video/x-raw" {
+            return link_video(pad, caps, pipeline, (&pictures, keep));
         }
-        let Some(take) = take.lock().unwrap_or_else(PoisonError::into_inner).take() else { return };
+        let Some(take) = lock(&take).take() else { return Ok(()) };
         let queue = queue.clone().filter(|_| is_recorded);
-        if let Err(error) = hand_over(pad, structure, &pipeline, (queue, take)) {
-            tell(&faults, gstreamer_fault("hand over a stream", &*error));
-        }
+        let linked = hand_over(pad, stream, pipeline, (queue, take));
+        linked.map_err(|error| gstreamer_fault("hand over a stream", &*error))
     });
+}
+
+fn is_video(kind: &str) -> bool {
+    kind.starts_with("video/") || kind.starts_with("image/")
 }
 
 /// Builds what stands between a parsed stream and who takes its frames.
@@ -103,7 +73,7 @@ fn hand_over(
     pad: &gst::Pad,
     stream: &gst::StructureRef,
     pipeline: &gst::Pipeline,
-    (queue, take): (Option<Arc<EncodedQueue>>, Taker),
+    (queue, take): (Option<Arc<EncodedQueue>>, FrameHandler),
 ) -> Result<(), Box<dyn std::error::Error>> {
     let sink = make_sink(queue.as_ref(), Some(take));
     let mut chain = packaging(stream)?;
@@ -176,7 +146,7 @@ fn packaging(stream: &gst::StructureRef) -> Result<Vec<gst::Element>, glib::Bool
 }
 
 /// Makes the end of a stream of encoded frames: each goes to the queue and to `also`, where they are.
-fn make_sink(queue: Option<&Arc<EncodedQueue>>, also: Option<Taker>) -> gst_app::AppSink {
+fn make_sink(queue: Option<&Arc<EncodedQueue>>, also: Option<FrameHandler>) -> gst_app::AppSink {
     let sink = gst_app::AppSink::builder().sync(false).async_(false).enable_last_sample(false).build();
     if let (Some(pad), Some(queue)) = (sink.static_pad("sink"), queue.cloned()) {
         // A recording does not hold that a stream's pictures are turned.
@@ -207,7 +177,7 @@ fn make_sink(queue: Option<&Arc<EncodedQueue>>, also: Option<Taker>) -> gst_app:
 
 fn record(queue: &EncodedQueue, sample: &gst::Sample, format: &Mutex<Option<Arc<EncodedFormat>>>) {
     let Some(caps) = sample.caps_owned() else { return };
-    let mut format = format.lock().unwrap_or_else(PoisonError::into_inner);
+    let mut format = lock(format);
     let known = format.take().filter(|known| *known.caps() == caps);
     let known = format.insert(known.unwrap_or_else(|| Arc::new(EncodedFormat::new(caps))));
     if let Some(frame) = EncodedFrame::of(sample, Arc::clone(known), Times::Played) {

@@ -127,7 +127,7 @@ fn who_pads_rows_is_not_made_to_copy_them() {
     let caps: gst::Caps = "video/x-raw,format=I420,width=160,height=120".parse().unwrap();
     for keep in [input::Keep::All, input::Keep::Newest] {
         let mut question = gst::query::Allocation::new(Some(&caps), false);
-        let sink = pipeline::make_sink(keep, None);
+        let sink = sink::make_sink(keep, None);
         let _ = sink.static_pad("sink").unwrap().query(question.query_mut());
         assert!(question.find_allocation_meta::<gstreamer_video::VideoMeta>().is_some(), "{keep:?}");
     }

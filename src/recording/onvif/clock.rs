@@ -1,4 +1,4 @@
-//! How far a device's clock is off.
+//! Offsets of devices' clocks.
 
 use super::xml::text_at;
 use roxmltree::Node;
@@ -21,11 +21,11 @@ pub struct ClockOffset {
 }
 
 impl ClockOffset {
-    /// Returns the offset of a device that told `told` between `asked` and `answered`.
-    pub(super) fn of(told: Timestamp, asked: Timestamp, answered: Timestamp) -> Self {
+    /// Returns the offset of a device that told `reported` between `asked` and `answered`.
+    pub(super) fn of(reported: Timestamp, asked: Timestamp, answered: Timestamp) -> Self {
         let half_secs = answered.secs_since(asked).max(0.0) / 2.0;
         let middle = asked.saturating_add_nanos(answered.nanos_since(asked) / 2);
-        Self { secs: told.secs_since(middle) + HALF_STEP_SECS, error_secs: half_secs + HALF_STEP_SECS }
+        Self { secs: reported.secs_since(middle) + HALF_STEP_SECS, error_secs: half_secs + HALF_STEP_SECS }
     }
 
     /// Returns the time of the device's clock at `now`, rather too early than too late: what is made in the future is refused.
@@ -41,7 +41,7 @@ pub(super) fn read(answer: Node<'_, '_>) -> Option<Timestamp> {
     let date = |name| part(["SystemDateAndTime", "UTCDateTime", "Date", name]);
     let time = |name| i8::try_from(part(["SystemDateAndTime", "UTCDateTime", "Time", name])?).ok();
     let small = |number: i16| i8::try_from(number).ok();
-    let told = jiff::civil::DateTime::new(
+    let reported = jiff::civil::DateTime::new(
         date("Year")?,
         small(date("Month")?)?,
         small(date("Day")?)?,
@@ -51,7 +51,7 @@ pub(super) fn read(answer: Node<'_, '_>) -> Option<Timestamp> {
         time("Second")?.min(59),
         0,
     );
-    let instant = told.ok()?.to_zoned(jiff::tz::TimeZone::UTC).ok()?.timestamp();
+    let instant = reported.ok()?.to_zoned(jiff::tz::TimeZone::UTC).ok()?.timestamp();
     i64::try_from(instant.as_nanosecond()).ok().map(Timestamp::from_nanos)
 }
 
@@ -82,12 +82,12 @@ mod tests {
                  <Date><Year>{}</Year><Month>{}</Month><Day>{}</Day></Date></UTCDateTime></SystemDateAndTime></r>",
                 time[0], time[1], time[2], date[0], date[1], date[2]
             );
-            read(xml::read(&text).unwrap().root_element()).map(|told| told.to_string())
+            read(xml::read(&text).unwrap().root_element()).map(|reported| reported.to_string())
         };
-        let told = |text: &str| Some(text.to_owned());
-        assert_eq!(of(["2026", "2", "28"], ["23", "5", "9"]), told("2026-02-28T23:05:09Z"));
-        assert_eq!(of(["1970", "01", "01"], ["00", "00", "00"]), told("1970-01-01T00:00:00Z"));
-        assert_eq!(of(["2016", "12", "31"], ["23", "59", "60"]), told("2016-12-31T23:59:59Z"));
+        let reported = |text: &str| Some(text.to_owned());
+        assert_eq!(of(["2026", "2", "28"], ["23", "5", "9"]), reported("2026-02-28T23:05:09Z"));
+        assert_eq!(of(["1970", "01", "01"], ["00", "00", "00"]), reported("1970-01-01T00:00:00Z"));
+        assert_eq!(of(["2016", "12", "31"], ["23", "59", "60"]), reported("2016-12-31T23:59:59Z"));
         assert_eq!(of(["2026", "2", "29"], ["0", "0", "0"]), None);
         assert_eq!(of(["99999", "1", "1"], ["0", "0", "0"]), None);
         assert_eq!(of(["9999", "1", "1"], ["0", "0", "0"]), None);

@@ -1,10 +1,10 @@
 //! A conversation with one device: its clock, its names, its streams.
 
 use super::clock::{self, ClockOffset};
-use super::http::{Answer, Letter, post};
+use super::http::{Answer, HttpMessage, post};
 use super::media::{self, DeviceStream, MediaKind};
 use super::place::{self, AskedHost, Placed};
-use super::soap::{AskedBy, Question, Verdict, verdict};
+use super::soap::{AskedBy, Outcome, Question, verdict};
 use super::{OnvifError, token};
 use crate::ingest::{Credentials, Endpoint, MediaRoots};
 use crate::media::{Answering, ConnectionFault, Fault, OwnedLogin, Peer, expect_success};
@@ -29,7 +29,7 @@ const AT_ONCE: usize = 64;
 /// Longest time for several devices, in times of one.
 const ALL_TIMES: u32 = 2;
 
-/// What of a device is asked for.
+/// Part of a device that is asked for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Wish {
     /// Its clock, for which nobody logs in.
@@ -48,18 +48,18 @@ impl Wish {
     }
 }
 
-/// What a device says of itself, as far as it does.
+/// Description of a device, as far as it gives one.
 #[derive(Debug, Default)]
 pub struct DeviceReport {
     /// Its maker.
     pub maker: Option<String>,
     /// Its model.
     pub model: Option<String>,
-    /// How far its clock is off; none where it does not tell UTC.
+    /// Offset of its clock; none where it does not tell UTC.
     pub clock: Option<ClockOffset>,
     /// Its streams, in its own order.
     pub streams: Vec<DeviceStream>,
-    /// Why no more is known.
+    /// Reason for which no more is known.
     pub problem: Option<OnvifError>,
 }
 
@@ -85,8 +85,8 @@ pub fn describe_all(
     let runtime = match tokio::runtime::Builder::new_current_thread().enable_all().build() {
         Ok(runtime) => runtime,
         Err(source) => {
-            let told = |_url| failed(OnvifError::Threads { source: source.kind().into() });
-            return urls.iter().map(told).collect();
+            let reported = |_url| failed(OnvifError::Threads { source: source.kind().into() });
+            return urls.iter().map(reported).collect();
         }
     };
     // Names are looked up here, since that blocks.
@@ -124,7 +124,7 @@ pub fn describe_all(
     reports
 }
 
-/// How a device is told who asks.
+/// Way in which a device learns who asks.
 enum Way {
     /// Not at all.
     Unsaid,
@@ -167,9 +167,9 @@ impl Conversation {
     async fn run(mut self, wish: Wish) -> DeviceReport {
         let mut report = DeviceReport::default();
         let place = self.peer.place.clone();
-        let told = timeout(wish.time(), self.fill(wish, &mut report)).await;
-        let told = told.unwrap_or_else(|_elapsed| Err(timed_out(&place)));
-        report.problem = told.err();
+        let reported = timeout(wish.time(), self.fill(wish, &mut report)).await;
+        let reported = reported.unwrap_or_else(|_elapsed| Err(timed_out(&place)));
+        report.problem = reported.err();
         report
     }
 
@@ -190,8 +190,8 @@ impl Conversation {
             Err(error) => return Err(error),
         }
         let mut problem = OnvifError::NoMedia;
-        for (kind, told) in self.media_services().await? {
-            let Some(peer) = place::service(&told, &device, &self.asked) else { continue };
+        for (kind, reported) in self.media_services().await? {
+            let Some(peer) = place::service(&reported, &device, &self.asked) else { continue };
             match self.streams(&peer, kind, report).await {
                 Ok(()) if !report.streams.is_empty() => return Ok(()),
                 Ok(()) => {}
@@ -208,8 +208,8 @@ impl Conversation {
         let clock = Arc::clone(&self.clock);
         let asked = clock.now();
         let read = |answer: Node<'_, '_>| Some(clock::read(answer));
-        let told = self.ask(&device, &media::ask_clock(), read).await?;
-        self.offset = told.map(|told| ClockOffset::of(told, asked, clock.now()));
+        let reported = self.ask(&device, &media::ask_clock(), read).await?;
+        self.offset = reported.map(|reported| ClockOffset::of(reported, asked, clock.now()));
         Ok(self.offset)
     }
 
@@ -234,14 +234,15 @@ impl Conversation {
         let read = |answer: Node<'_, '_>| Some(media::profiles(answer, kind));
         for media::Profile { token, stream } in self.ask(peer, &media::ask_profiles(kind), read).await? {
             let question = media::ask_stream(kind, &token);
-            let told = self.ask(peer, &question, |answer| media::stream_url(answer, kind)).await;
-            let placed = match told {
+            let reported = self.ask(peer, &question, |answer| media::stream_url(answer, kind)).await;
+            let placed = match reported {
                 Ok(url) => place::placed(&url, &self.asked).filter(|placed| placed.is_stream()),
                 Err(error) if error.is_of_question() => None,
                 Err(error) => return Err(error),
             };
-            let (url, told_url) = placed.map_or((None, None), |Placed { url, told }| (Some(url), told));
-            report.streams.push(DeviceStream { url, told_url, ..stream });
+            let (url, reported_url) =
+                placed.map_or((None, None), |Placed { url, reported }| (Some(url), reported));
+            report.streams.push(DeviceStream { url, reported_url, ..stream });
         }
         Ok(())
     }
@@ -261,15 +262,15 @@ impl Conversation {
             let answer = self.send(peer, question).await?;
             let said = verdict(&answer.text, question, &mut read);
             match said {
-                Verdict::Answered(told) if matches!(answer.status, 200..=299) => {
+                Outcome::Answered(reported) if matches!(answer.status, 200..=299) => {
                     if let Way::Http(answering) = &mut self.way {
                         answering.is_let_in();
                     }
-                    return Ok(told);
+                    return Ok(reported);
                 }
-                Verdict::NotAuthorized => {}
+                Outcome::NotAuthorized => {}
                 _ if matches!(answer.status, 401 | 403) => {}
-                Verdict::Failed(error @ OnvifError::Refused { .. }) => return Err(error),
+                Outcome::Failed(error @ OnvifError::Refused { .. }) => return Err(error),
                 _ => return Err(failure_of(peer, answer.status)),
             }
             self.refused(&answer).map_err(|fault| OnvifError::connection(&peer.place, fault))?;
@@ -286,7 +287,7 @@ impl Conversation {
             _ => (String::new(), None),
         };
         let (content_type, message) = (question.content_type(), question.message(&security));
-        post(peer, Letter { content_type: &content_type, authorization, message }).await
+        post(peer, HttpMessage { content_type: &content_type, authorization, message }).await
     }
 
     /// Takes the next way to tell who asks, after `answer` refused this one.

@@ -1,10 +1,10 @@
-//! What can go wrong between an address and what a device says of itself.
+//! Errors on the way from an address to a device's description.
 
 use crate::ingest::{CameraError, IngestError};
 use crate::media::ConnectionFault;
 use videofields_vision::error::ErrorKind;
 
-/// Why a device is not described.
+/// Reason for which a device is not described.
 #[derive(Debug, thiserror::Error)]
 pub enum OnvifError {
     /// Its address is none that may be asked, or it is not reached.
@@ -39,13 +39,13 @@ pub enum OnvifError {
     /// The network gives nobody a place to send from.
     #[error("no network is there to ask in: {source}")]
     NoNetwork {
-        /// Why.
+        /// Reason.
         source: std::io::Error,
     },
     /// The threads that ask cannot be started.
     #[error("cannot ask: {source}")]
     Threads {
-        /// Why.
+        /// Reason.
         source: std::io::Error,
     },
     /// No random bytes are given.
@@ -100,7 +100,7 @@ impl OnvifError {
         )
     }
 
-    /// What a caller can do about it.
+    /// Returns what a caller can do about it.
     #[must_use]
     pub const fn kind(&self) -> ErrorKind {
         match self {

@@ -4,7 +4,7 @@ use super::clock::{self, ClockOffset};
 use super::media::{self, MediaKind, Profile};
 use super::place::{AskedHost, placed, service};
 use super::probe::Gathered;
-use super::soap::{Question, Verdict, verdict};
+use super::soap::{Outcome, Question, verdict};
 use super::{OnvifError, xml};
 use crate::media::Peer;
 use std::net::{IpAddr, Ipv4Addr};
@@ -45,8 +45,8 @@ pub fn onvif_answers(data: &[u8]) -> usize {
         }
         5 => {
             let question = media::ask_stream(media_kind, "token");
-            let told = answer(&text, &question, |node| media::stream_url(node, media_kind));
-            told.map_or(0, |told| holds_placed(&told))
+            let reported = answer(&text, &question, |node| media::stream_url(node, media_kind));
+            reported.map_or(0, |reported| holds_placed(&reported))
         }
         6 => holds_found(bytes),
         _ => holds_placed(&text) + holds_services(Some(vec![(media_kind, text.into_owned())])),
@@ -60,13 +60,13 @@ fn answer<T>(
     read: impl FnOnce(roxmltree::Node<'_, '_>) -> Option<T>,
 ) -> Option<T> {
     match verdict(text, question, read) {
-        Verdict::Answered(told) => Some(told),
-        Verdict::NotAuthorized | Verdict::Failed(OnvifError::NotUnderstood) => None,
-        Verdict::Failed(OnvifError::Refused { code }) => {
+        Outcome::Answered(reported) => Some(reported),
+        Outcome::NotAuthorized | Outcome::Failed(OnvifError::NotUnderstood) => None,
+        Outcome::Failed(OnvifError::Refused { code }) => {
             holds_shown(&code);
             None
         }
-        Verdict::Failed(error) => panic!("{error:?}"),
+        Outcome::Failed(error) => panic!("{error:?}"),
     }
 }
 
@@ -78,17 +78,17 @@ fn holds_shown(text: &str) {
     assert!(text.chars().count() <= MAX_LETTERS && !text.contains(char::is_control), "{text:?}");
 }
 
-fn holds_clock(told: Timestamp) -> usize {
+fn holds_clock(reported: Timestamp) -> usize {
     let at = |secs: i64| Timestamp::from_nanos(secs * 1_000_000_000);
-    let offset = ClockOffset::of(told, at(1_700_000_000), at(1_700_000_001));
+    let offset = ClockOffset::of(reported, at(1_700_000_000), at(1_700_000_001));
     assert!(offset.secs.is_finite() && (offset.error_secs - 1.0).abs() < 1e-9, "{offset:?}");
     // A double has some hundred nanoseconds at such distances.
-    let wrong_secs = offset.device_time(at(1_700_000_001)).secs_since(told);
+    let wrong_secs = offset.device_time(at(1_700_000_001)).secs_since(reported);
     assert!((-1.0..=2.0).contains(&wrong_secs), "{offset:?}: {wrong_secs}");
     1
 }
 
-fn holds_services(told: Option<Vec<(MediaKind, String)>>) -> usize {
+fn holds_services(reported: Option<Vec<(MediaKind, String)>>) -> usize {
     let peer = Peer {
         address: (ADDRESS, 8080).into(),
         host: "gate".to_owned(),
@@ -98,7 +98,10 @@ fn holds_services(told: Option<Vec<(MediaKind, String)>>) -> usize {
         url: String::new(),
         path_and_query: "/".to_owned(),
     };
-    let found = told.unwrap_or_default().into_iter().filter_map(|(_, told)| service(&told, &peer, &asked()));
+    let found = reported
+        .unwrap_or_default()
+        .into_iter()
+        .filter_map(|(_, reported)| service(&reported, &peer, &asked()));
     found
         .inspect(|found| {
             assert_eq!(
@@ -130,14 +133,17 @@ fn holds_profile(profile: &Profile, kind: MediaKind) {
 }
 
 /// Holds the URL that a device tells to the host that was asked.
-fn holds_placed(told: &str) -> usize {
-    let Some(found) = placed(told, &asked()) else { return 0 };
+fn holds_placed(reported: &str) -> usize {
+    let Some(found) = placed(reported, &asked()) else { return 0 };
     let host = |url: &CameraUrl| url.parse().map(|parts| parts.host.to_string());
     let own = ["gate".to_owned(), ADDRESS.to_string()];
     let is_own =
         |url: &CameraUrl| host(url).is_ok_and(|host| own.iter().any(|own| own.eq_ignore_ascii_case(&host)));
     assert!(is_own(&found.url), "{found:?}");
-    assert!(found.told.as_ref().is_none_or(|told| host(told).is_ok() && !is_own(told)), "{found:?}");
+    assert!(
+        found.reported.as_ref().is_none_or(|reported| host(reported).is_ok() && !is_own(reported)),
+        "{found:?}"
+    );
     1
 }
 
@@ -149,12 +155,15 @@ fn holds_found(bytes: &[u8]) -> usize {
         let from = [10, 0, 0, n % 3];
         n_understood += usize::from(gathered.take(answer, (from, 3702).into()).is_some());
     }
-    let found = gathered.told().devices;
+    let found = gathered.into_devices().devices;
     assert_eq!(found.is_empty(), n_understood == 0);
     for device in &found {
         holds_shown(&device.endpoint);
         [&device.name, &device.model].into_iter().flatten().for_each(|name| holds_shown(name));
-        assert!((1..=4).contains(&device.services.len()) && device.told_services.len() <= 4, "{device:?}");
+        assert!(
+            (1..=4).contains(&device.services.len()) && device.reported_services.len() <= 4,
+            "{device:?}"
+        );
         for url in &device.services {
             let parts = url.parse().unwrap_or_else(|error| panic!("{error}"));
             assert!(parts.host.to_string().starts_with("10.0.0.") && !parts.is_rtsp(), "{device:?}");

@@ -28,10 +28,10 @@ pub(super) struct Answer {
 }
 
 /// A message and what goes before it.
-pub(super) struct Letter<'a> {
-    /// What it is.
+pub(super) struct HttpMessage<'a> {
+    /// Media type of the message.
     pub(super) content_type: &'a str,
-    /// Who sends it, where HTTP is to tell.
+    /// Login under which it is sent, where HTTP carries it.
     pub(super) authorization: Option<String>,
     /// The message.
     pub(super) message: String,
@@ -41,13 +41,13 @@ pub(super) struct Letter<'a> {
 ///
 /// # Errors
 /// When the device is not reached, does not answer in time, or answers with too much.
-pub(super) async fn post(peer: &Peer, letter: Letter<'_>) -> Result<Answer, OnvifError> {
+pub(super) async fn post(peer: &Peer, letter: HttpMessage<'_>) -> Result<Answer, OnvifError> {
     let fault = |fault| OnvifError::connection(&peer.place, fault);
     let answered = timeout(ANSWER_TIME, exchange(peer, letter)).await;
     answered.map_err(|_elapsed| fault(ConnectionFault::TimedOut))?
 }
 
-async fn exchange(peer: &Peer, letter: Letter<'_>) -> Result<Answer, OnvifError> {
+async fn exchange(peer: &Peer, letter: HttpMessage<'_>) -> Result<Answer, OnvifError> {
     let fault = |fault| OnvifError::connection(&peer.place, fault);
     let stream = connect(peer).await.map_err(|error| match error {
         Fault::Connection(found) => fault(found),

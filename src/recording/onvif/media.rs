@@ -1,4 +1,4 @@
-//! What a device says of its services, profiles and streams.
+//! Services, profiles and streams of a device.
 
 use super::soap::{AskedBy, Question};
 use super::token::escaped;
@@ -39,7 +39,7 @@ pub struct DeviceStream {
     /// Its URL at the host that was asked, without a login; none where the device tells none that cameras have.
     pub url: Option<CameraUrl>,
     /// Its URL as the device tells it, where that is at another host.
-    pub told_url: Option<CameraUrl>,
+    pub reported_url: Option<CameraUrl>,
 }
 
 /// A media service's kind.
@@ -156,7 +156,7 @@ fn stream(profile: String, encoder: Node<'_, '_>) -> DeviceStream {
         size_px: side("Width").zip(side("Height")).map(|(width, height)| [width, height]),
         rate_hz: rate_hz.filter(|rate| (0.001..=1000.0).contains(rate)),
         url: None,
-        told_url: None,
+        reported_url: None,
     }
 }
 
@@ -192,7 +192,7 @@ mod tests {
             size_px: Some([1920, 1080]),
             rate_hz: Some(25.0),
             url: None,
-            told_url: None,
+            reported_url: None,
         };
         assert_eq!((found.len(), &found[0].token, &found[0].stream), (1, &"a&b".to_owned(), &expected));
         assert!(ask_stream(MediaKind::First, &found[0].token).inner.contains(">a&amp;b<"));

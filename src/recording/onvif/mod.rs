@@ -6,6 +6,7 @@
 
 mod clock;
 mod device;
+mod discovery;
 mod error;
 #[cfg(any(test, feature = "fuzzing"))]
 pub(crate) mod fuzzing;
@@ -15,13 +16,12 @@ mod place;
 mod probe;
 mod soap;
 mod token;
-mod told;
 mod xml;
 
 pub use clock::ClockOffset;
 pub use device::{DeviceReport, Wish, describe, describe_all};
+pub use discovery::{Device, Discovery, ask_device, discover};
 pub use error::OnvifError;
 pub use media::DeviceStream;
 pub use place::device_service;
 pub use probe::{Audience, FoundDevice, FoundDevices, PROBE_TIME, probe};
-pub use told::{Device, Discovery, ask_device, discover};

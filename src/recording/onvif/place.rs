@@ -9,20 +9,20 @@ use std::net::IpAddr;
 use url::Host;
 use videofields_vision::config::{CameraUrl, Scheme, UrlParts};
 
-/// Where most devices have their device service.
+/// Path of most devices' device service.
 const DEVICE_SERVICE: &str = "/onvif/device_service";
 
 /// The host that a device is asked at.
 #[derive(Clone, Debug)]
 pub(super) struct AskedHost {
-    /// As it is written in URLs.
+    /// Host as it is written in URLs.
     pub(super) written: String,
     /// The address that was connected to.
     pub(super) address: IpAddr,
 }
 
 impl AskedHost {
-    /// Whether a URL leads there.
+    /// Returns true where a URL leads there.
     fn is_of(&self, parts: &UrlParts) -> bool {
         let written = parts.host.to_string();
         let address = match &parts.host {
@@ -40,8 +40,8 @@ impl AskedHost {
 pub(super) struct Placed {
     /// At the host that was asked.
     pub(super) url: CameraUrl,
-    /// As the device told it, where that is at another host.
-    pub(super) told: Option<CameraUrl>,
+    /// URL as the device gave it, where that is at another host.
+    pub(super) reported: Option<CameraUrl>,
 }
 
 impl Placed {
@@ -69,19 +69,19 @@ pub fn device_service(address: &str) -> Result<CameraUrl, OnvifError> {
 }
 
 /// Returns a URL that a device told, without a login in it; none where it is none that cameras have.
-pub(super) fn placed(told: &str, asked: &AskedHost) -> Option<Placed> {
-    let url = without_login(told.trim())?;
+pub(super) fn placed(reported: &str, asked: &AskedHost) -> Option<Placed> {
+    let url = without_login(reported.trim())?;
     let parts = url.parse().ok()?;
     if asked.is_of(&parts) {
-        return Some(Placed { url, told: None });
+        return Some(Placed { url, reported: None });
     }
-    Some(Placed { url: at_host(&parts, &asked.written)?, told: Some(url) })
+    Some(Placed { url: at_host(&parts, &asked.written)?, reported: Some(url) })
 }
 
-/// Returns how a service at `told` is reached: always at the host of `peer`, and at another port only where the device tells one of
+/// Returns how a service at `reported` is reached: always at the host of `peer`, and at another port only where the device tells one of
 /// that host.
-pub(super) fn service(told: &str, peer: &Peer, asked: &AskedHost) -> Option<Peer> {
-    let parts = without_login(told.trim())?.parse().ok()?;
+pub(super) fn service(reported: &str, peer: &Peer, asked: &AskedHost) -> Option<Peer> {
+    let parts = without_login(reported.trim())?.parse().ok()?;
     let mut found = Peer { path_and_query: parts.path_and_query.clone(), ..peer.clone() };
     let is_same_way = !parts.is_rtsp() && parts.scheme.is_encrypted() == peer.is_encrypted;
     if asked.is_of(&parts) && is_same_way {
@@ -94,8 +94,8 @@ pub(super) fn service(told: &str, peer: &Peer, asked: &AskedHost) -> Option<Peer
 }
 
 /// Returns a URL without user and password; none where it is no camera's.
-fn without_login(told: &str) -> Option<CameraUrl> {
-    let (scheme, rest) = told.split_once("://")?;
+fn without_login(reported: &str) -> Option<CameraUrl> {
+    let (scheme, rest) = reported.split_once("://")?;
     let (authority, behind) = rest.split_at(rest.find(['/', '?', '#']).unwrap_or(rest.len()));
     let place = authority.rsplit_once('@').map_or(authority, |(_login, place)| place);
     let url = CameraUrl::new(format!("{scheme}://{place}{behind}"));
@@ -153,9 +153,13 @@ mod tests {
 
     #[test]
     fn other_hosts_are_told_beside_the_one_that_answered() {
-        let check = |told: &str, url: &str, other: Option<&str>| {
-            let found = placed(told, &asked("gate")).unwrap();
-            assert_eq!(found, Placed { url: CameraUrl::new(url), told: other.map(CameraUrl::new) }, "{told}");
+        let check = |reported: &str, url: &str, other: Option<&str>| {
+            let found = placed(reported, &asked("gate")).unwrap();
+            assert_eq!(
+                found,
+                Placed { url: CameraUrl::new(url), reported: other.map(CameraUrl::new) },
+                "{reported}"
+            );
         };
         check(" rtsp://10.0.0.7:8554/a?b=c ", "rtsp://10.0.0.7:8554/a?b=c", None);
         check("rtsp://GATE/a", "rtsp://GATE/a", None);
@@ -163,7 +167,7 @@ mod tests {
         check("rtsp://0.0.0.0:554/a", "rtsp://gate/a", Some("rtsp://0.0.0.0:554/a"));
         check("rtsp://192.168.0.100:8554/a?b", "rtsp://gate:8554/a?b", Some("rtsp://192.168.0.100:8554/a?b"));
         check("rtsp://u:p@other", "rtsp://gate/", Some("rtsp://other"));
-        for told in [
+        for reported in [
             "",
             "rtsp://",
             "file:///etc/passwd",
@@ -171,7 +175,7 @@ mod tests {
             "javascript://gate/%0aalert(1)",
             "10.0.0.7/a",
         ] {
-            assert_eq!(placed(told, &asked("gate")), None, "{told}");
+            assert_eq!(placed(reported, &asked("gate")), None, "{reported}");
         }
         let long = format!("rtsp://gate/{}", "a".repeat(3000));
         assert_eq!(placed(&long, &asked("gate")), None);
@@ -191,11 +195,11 @@ mod tests {
             url: String::new(),
             path_and_query: DEVICE_SERVICE.to_owned(),
         };
-        let check = |told: &str, authority: &str, port: u16, path: &str| {
-            let found = service(told, &peer, &asked("gate")).unwrap();
-            assert_eq!((found.address.ip(), found.host.as_str()), (peer.address.ip(), "gate"), "{told}");
-            assert_eq!((found.authority.as_str(), found.address.port()), (authority, port), "{told}");
-            assert_eq!(found.path_and_query, path, "{told}");
+        let check = |reported: &str, authority: &str, port: u16, path: &str| {
+            let found = service(reported, &peer, &asked("gate")).unwrap();
+            assert_eq!((found.address.ip(), found.host.as_str()), (peer.address.ip(), "gate"), "{reported}");
+            assert_eq!((found.authority.as_str(), found.address.port()), (authority, port), "{reported}");
+            assert_eq!(found.path_and_query, path, "{reported}");
         };
         check("http://gate:8080/onvif/media", "gate:8080", 8080, "/onvif/media");
         check("http://10.0.0.7:8000/onvif/media", "gate:8000", 8000, "/onvif/media");

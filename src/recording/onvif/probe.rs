@@ -1,4 +1,4 @@
-//! Who is there: WS-Discovery's question to all devices of the networks at hand, and their answers.
+//! Finds devices: WS-Discovery's question to all devices of the networks at hand, and their answers.
 //!
 //! Answers come from strangers: a datagram is bounded, so are their number and the time, and a device is only ever asked at the address
 //! from which it answered, whatever address it tells.
@@ -24,7 +24,7 @@ pub const PROBE_TIME: Duration = Duration::from_secs(2);
 /// The question is put twice, this long apart: datagrams get lost.
 const AGAIN_AFTER: Duration = Duration::from_millis(400);
 
-/// Where devices listen.
+/// Address at which devices listen.
 const EVERYBODY: SocketAddr = SocketAddr::new(IpAddr::V4(Ipv4Addr::new(239, 255, 255, 250)), 3702);
 
 /// Routers between here and a device, at most.
@@ -67,7 +67,7 @@ const KINDS: [&str; 2] = [
 pub enum Audience {
     /// All devices of the networks that this machine is in.
     Everybody,
-    /// Who listens at one address.
+    /// Listener at one address.
     One(SocketAddr),
 }
 
@@ -83,7 +83,7 @@ pub struct FoundDevice {
     /// Its device service at each address from which it answered, the first one first.
     pub services: Vec<CameraUrl>,
     /// Its device service as it tells it, where that is at other hosts.
-    pub told_services: Vec<CameraUrl>,
+    pub reported_services: Vec<CameraUrl>,
 }
 
 /// Answers to a question.
@@ -130,7 +130,7 @@ async fn ask(audience: Audience, networks: &[Network]) -> Result<FoundDevices, O
         }
     };
     tokio::join!(receive, again);
-    Ok(gathered.told())
+    Ok(gathered.into_devices())
 }
 
 /// Sends the questions, to everybody through each network interface.
@@ -254,7 +254,7 @@ impl Gathered {
     fn merge(&mut self, found: FoundDevice, from: SocketAddr) {
         if let Some((_, known)) = self.devices.get_mut(&found.endpoint) {
             add(&mut known.services, found.services);
-            add(&mut known.told_services, found.told_services);
+            add(&mut known.reported_services, found.reported_services);
             known.name = known.name.take().or(found.name);
             known.model = known.model.take().or(found.model);
         } else if self.devices.len() < MAX_DEVICES {
@@ -264,7 +264,7 @@ impl Gathered {
         }
     }
 
-    pub(super) fn told(self) -> FoundDevices {
+    pub(super) fn into_devices(self) -> FoundDevices {
         let mut devices: Vec<_> = self.devices.into_values().collect();
         devices.sort_by(|(from, device), (other, other_device)| {
             (from, &device.endpoint).cmp(&(other, &other_device.endpoint))
@@ -285,14 +285,16 @@ fn add(known: &mut Vec<CameraUrl>, found: Vec<CameraUrl>) {
 
 /// Returns the device of a match that came from an address; none where it tells no device service.
 fn device(found: Node<'_, '_>, from: SocketAddr) -> Option<FoundDevice> {
-    let told = text_at(found, &["XAddrs"])?.split_whitespace().filter(|told| told.len() <= MAX_URL_BYTES);
-    let mut told = told.map(CameraUrl::new).filter(|url| url.parse().is_ok_and(|parts| !parts.is_rtsp()));
+    let reported =
+        text_at(found, &["XAddrs"])?.split_whitespace().filter(|reported| reported.len() <= MAX_URL_BYTES);
+    let mut reported =
+        reported.map(CameraUrl::new).filter(|url| url.parse().is_ok_and(|parts| !parts.is_rtsp()));
     let own = written(from.ip());
     let is_own = |url: &CameraUrl| url.parse().is_ok_and(|parts| parts.host.to_string() == own);
-    let told: Vec<CameraUrl> = told.by_ref().take(MAX_ADDRESSES).collect();
-    let service = match told.iter().find(|url| is_own(url)) {
+    let reported: Vec<CameraUrl> = reported.by_ref().take(MAX_ADDRESSES).collect();
+    let service = match reported.iter().find(|url| is_own(url)) {
         Some(url) => url.clone(),
-        None => at_host(&told.first()?.parse().ok()?, &own)?,
+        None => at_host(&reported.first()?.parse().ok()?, &own)?,
     };
     let endpoint =
         text_at(found, &["EndpointReference", "Address"]).map(|address| shown(address, MAX_LETTERS));
@@ -307,7 +309,7 @@ fn device(found: Node<'_, '_>, from: SocketAddr) -> Option<FoundDevice> {
         name: scope("onvif://www.onvif.org/name/"),
         model: scope("onvif://www.onvif.org/hardware/"),
         services: vec![service],
-        told_services: told.into_iter().filter(|url| !is_own(url)).collect(),
+        reported_services: reported.into_iter().filter(|url| !is_own(url)).collect(),
     })
 }
 
@@ -334,7 +336,7 @@ mod tests {
                 gathered.n_ignored += 1;
             }
         }
-        gathered.told()
+        gathered.into_devices()
     }
 
     fn urls(urls: &[&str]) -> Vec<CameraUrl> {
@@ -343,28 +345,28 @@ mod tests {
 
     #[test]
     fn a_device_is_asked_where_it_answered_from_whatever_it_tells() {
-        let told = |addresses: &str| {
+        let reported = |addresses: &str| {
             let found = taken(&[(answer("urn:uuid:1", "", addresses), from(7))]);
-            found.devices.first().map(|device| (device.services.clone(), device.told_services.clone()))
+            found.devices.first().map(|device| (device.services.clone(), device.reported_services.clone()))
         };
         let own = "http://10.0.0.7/onvif/device_service";
-        assert_eq!(told(own), Some((urls(&[own]), vec![])));
+        assert_eq!(reported(own), Some((urls(&[own]), vec![])));
         assert_eq!(
-            told(&format!("http://[fe80::1]/a {own}")),
+            reported(&format!("http://[fe80::1]/a {own}")),
             Some((urls(&[own]), urls(&["http://[fe80::1]/a"])))
         );
         let factory = "http://192.168.0.100:8080/onvif/device_service";
         let moved = "http://10.0.0.7:8080/onvif/device_service";
-        assert_eq!(told(factory), Some((urls(&[moved]), urls(&[factory]))));
+        assert_eq!(reported(factory), Some((urls(&[moved]), urls(&[factory]))));
         let keys = "http://169.254.169.254/latest";
-        assert_eq!(told(keys), Some((urls(&["http://10.0.0.7/latest"]), urls(&[keys]))));
+        assert_eq!(reported(keys), Some((urls(&["http://10.0.0.7/latest"]), urls(&[keys]))));
         assert_eq!(
-            told(&format!("http://other/{}", "\u{e4}".repeat(400))),
+            reported(&format!("http://other/{}", "\u{e4}".repeat(400))),
             None,
             "too long, once it is escaped"
         );
         for nothing in ["", "rtsp://10.0.0.7/", "file:///etc/passwd", "http://u:p@10.0.0.7/", "urn:uuid:1"] {
-            assert_eq!(told(nothing), None, "{nothing}");
+            assert_eq!(reported(nothing), None, "{nothing}");
         }
     }
 

@@ -15,7 +15,7 @@ pub(super) struct Question {
     pub(super) operation: &'static str,
     /// Elements within the operation's, whose own namespace is `q`.
     pub(super) inner: String,
-    /// Who may ask it.
+    /// Callers that may ask it.
     pub(super) asked_by: AskedBy,
 }
 
@@ -24,7 +24,7 @@ pub(super) struct Question {
 pub(super) enum AskedBy {
     /// Everybody.
     Everybody,
-    /// Who is logged in, where the device wants that.
+    /// Those who are logged in, where the device wants that.
     LoggedIn,
 }
 
@@ -52,9 +52,9 @@ impl Question {
     }
 }
 
-/// What an answer says of a question.
+/// Answer to a question.
 #[derive(Debug)]
-pub(super) enum Verdict<T> {
+pub(super) enum Outcome<T> {
     /// It is answered.
     Answered(T),
     /// It is refused for want of a login, or for a wrong one.
@@ -68,27 +68,27 @@ pub(super) fn verdict<T>(
     text: &str,
     question: &Question,
     read: impl FnOnce(Node<'_, '_>) -> Option<T>,
-) -> Verdict<T> {
+) -> Outcome<T> {
     let document = match xml::read(text) {
         Ok(document) => document,
-        Err(error) => return Verdict::Failed(error),
+        Err(error) => return Outcome::Failed(error),
     };
     let Some(body) = at(document.root_element(), &["Body"]) else {
-        return Verdict::Failed(OnvifError::NotUnderstood);
+        return Outcome::Failed(OnvifError::NotUnderstood);
     };
     if let Some(fault) = children(body, "Fault").next() {
         return if is_of_login(fault) {
-            Verdict::NotAuthorized
+            Outcome::NotAuthorized
         } else {
-            Verdict::Failed(OnvifError::Refused { code: code_of(fault) })
+            Outcome::Failed(OnvifError::Refused { code: code_of(fault) })
         };
     }
     let name = format!("{}Response", question.operation);
     let answer = body.children().find(|child| child.is_element() && child.tag_name().name() == name);
-    answer.and_then(read).map_or(Verdict::Failed(OnvifError::NotUnderstood), Verdict::Answered)
+    answer.and_then(read).map_or(Outcome::Failed(OnvifError::NotUnderstood), Outcome::Answered)
 }
 
-/// Whether a fault is about who asks; devices say so in any of its parts.
+/// Returns true where a fault is about who asks; devices say so in any of its parts.
 fn is_of_login(fault: Node<'_, '_>) -> bool {
     const WORDS: [&str; 6] = [
         "notauthorized",
@@ -122,7 +122,7 @@ fn code_of(fault: Node<'_, '_>) -> String {
 mod tests {
     use super::*;
 
-    fn read(body: &str) -> Verdict<String> {
+    fn read(body: &str) -> Outcome<String> {
         let question = Question::new("urn:x", "GetIt", String::new());
         let text = format!("<e:Envelope xmlns:e='urn:e'><e:Body>{body}</e:Body></e:Envelope>");
         verdict(&text, &question, |node| text_at(node, &["It"]).map(str::to_owned))
@@ -131,10 +131,10 @@ mod tests {
     #[test]
     fn answers_are_told_from_faults() {
         assert!(
-            matches!(read("<GetItResponse><It>1</It></GetItResponse>"), Verdict::Answered(it) if it == "1")
+            matches!(read("<GetItResponse><It>1</It></GetItResponse>"), Outcome::Answered(it) if it == "1")
         );
         let not =
-            |body: &str| assert!(matches!(read(body), Verdict::Failed(OnvifError::NotUnderstood)), "{body}");
+            |body: &str| assert!(matches!(read(body), Outcome::Failed(OnvifError::NotUnderstood)), "{body}");
         not("<GetItResponse/>");
         not("<GetOtherResponse><It>1</It></GetOtherResponse>");
         not("");
@@ -144,10 +144,10 @@ mod tests {
             "<Fault><faultcode>SOAP-ENV:Client</faultcode><faultstring>Sender Not Authorized</faultstring></Fault>",
         ];
         for body in no_login {
-            assert!(matches!(read(body), Verdict::NotAuthorized), "{body}");
+            assert!(matches!(read(body), Outcome::NotAuthorized), "{body}");
         }
         let code = |body: &str, expected: &str| {
-            let Verdict::Failed(OnvifError::Refused { code }) = read(body) else { panic!("{body}") };
+            let Outcome::Failed(OnvifError::Refused { code }) = read(body) else { panic!("{body}") };
             assert_eq!(code, expected);
         };
         code(

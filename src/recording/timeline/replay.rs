@@ -12,12 +12,13 @@ use crate::memory;
 use crate::store::SegmentState;
 use std::collections::{HashMap, VecDeque};
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard};
 use std::time::Duration;
 use tokio::runtime::Handle as Runtime;
 use videofields_vision::clock::{Clock, Timestamp};
 use videofields_vision::error::ErrorKind;
 use videofields_vision::frame::{CameraId, YuvImage};
+use videofields_vision::lock::lock;
 
 /// Pictures that a decoder holds, as far as can be told (those that others refer to, those it works on, those that wait), and
 /// what it takes beside them. So one of 640 x 360 counts as 17 MB and one of 1280 x 720 as 42: they were seen to take 16 and
@@ -386,11 +387,6 @@ impl Replay {
     fn lock(&self) -> MutexGuard<'_, Vec<(Cursor, Duration)>> {
         lock(&self.resting)
     }
-}
-
-fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    // A panic leaves lists that are whole.
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 impl Cursor {

@@ -12,11 +12,12 @@ use super::{Catalog, CatalogError, Condition, State};
 use crate::engine::{Handle, LiftedZone, Privacy};
 use document::{in_words, lifted_from_json, lifted_to_json, zones_from_json, zones_to_json};
 use std::collections::{BTreeMap, BTreeSet};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex};
 use videofields_recording::store::{AuditEntry, PrivacyRecord, Store};
 use videofields_vision::clock::Timestamp;
 use videofields_vision::config::CameraSettings;
 use videofields_vision::frame::{CameraId, Zone};
+use videofields_vision::lock::lock;
 use witness::Witness;
 
 /// Most lifted zones that are remembered of a camera; of more the oldest are joined.
@@ -150,11 +151,6 @@ impl Zones {
     fn turn(&self, camera: &str) -> Arc<tokio::sync::Mutex<()>> {
         Arc::clone(lock(&self.turns).entry(camera.to_owned()).or_default())
     }
-}
-
-fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    // Entries are replaced whole.
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 impl Catalog {

@@ -17,7 +17,7 @@ use videofields_vision::frame::{BufferPool, YuvImage, ZoneMask};
 /// Cameras in the network, and the logins by which one may be asked.
 #[derive(Clone, Debug, Default)]
 pub struct FoundCameras {
-    /// What was found.
+    /// Cameras that were found.
     pub discovery: Discovery,
     /// Ids of the configuration's credentials.
     pub credentials: Vec<String>,

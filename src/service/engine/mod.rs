@@ -78,7 +78,7 @@ pub use view::{EYE_DISTANCE_M, Origin, SceneMoment, SourceTime, ViewAnswer, View
 /// What [`Door::look`] and [`Door::find_sources`] tell and take.
 pub use videofields_recording::ingest::{FoundFile, FoundFiles, Look, StopFlag};
 
-/// What [`Door::discover`] tells.
+/// Result of [`Door::discover`].
 pub use videofields_recording::onvif::{Device, Discovery};
 
 use checkpoint::StoreHealth;

@@ -572,7 +572,7 @@ impl Surroundings {
         .with_recorder(recorder.map(|archive| archive.recorder(&camera.id)))
         .with_object_sizes(Arc::clone(&self.object_sizes));
         let status = anew.as_ref().map(|anew| anew.status.clone());
-        // What begins once more begins at its beginning.
+        // A camera that begins once more begins at its beginning.
         let together = if anew.is_some() { self.renewed_together() } else { self.together() };
         let feed = Feed { source: camera.source.clone(), clock: camera.clock, status };
         CameraWorker::spawn(

@@ -35,6 +35,7 @@ use videofields_vision::clock::{Clock, Timestamp};
 use videofields_vision::config::{ClockSettings, RenderSettings};
 use videofields_vision::error::ErrorKind;
 use videofields_vision::frame::CameraId;
+use videofields_vision::lock::lock;
 use videofields_vision::mapping::WorldMap;
 use videofields_vision::observation::Observation;
 
@@ -117,11 +118,6 @@ pub(super) struct Shared {
 
 /// Loses a device.
 type DeviceLoss = Box<dyn Fn() + Send + Sync>;
-
-fn lock<T>(mutex: &Mutex<T>) -> std::sync::MutexGuard<'_, T> {
-    // Nothing behind these locks is left half-changed by a panic: each holds one value that is replaced whole.
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
-}
 
 impl Shared {
     pub(super) fn new(

@@ -31,7 +31,7 @@ pub struct SourceSettings {
     pub rate_hz: f64,
     /// What follows a file's last frame. Default `stop`.
     pub end: End,
-    /// How fast a file is played. Default `real_time`; `all` does not go with `end = "loop"`.
+    /// Pace at which a file is played. Default `real_time`; `all` does not go with `end = "loop"`.
     #[serde(skip_serializing_if = "Pace::is_real_time")]
     pub pace: Pace,
     /// Scene time of a file's first frame, RFC 3339 or nanoseconds. Default: when the files that begin with it began.
@@ -175,14 +175,14 @@ pub enum End {
     Loop,
 }
 
-/// How fast a file is played.
+/// Pace of a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default, Deserialize, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Pace {
-    /// As fast as it was taken: frames that come too late are left out and counted.
+    /// The pace at which it was taken: frames that come too late are left out and counted.
     #[default]
     RealTime,
-    /// As fast as its frames are processed: none is left out.
+    /// The pace at which its frames are processed: none is left out.
     All,
 }
 

@@ -1,4 +1,4 @@
-//! Whether pictures have the shape of the one that was calibrated: other sizes of the same shape are scaled, others are stretched.
+//! Tells pictures of the shape that was calibrated from others: other sizes of the same shape are scaled, others are stretched.
 
 /// Largest difference between ratios of width to height of pictures that count as of one shape, as a share.
 const SAME_SHAPE: f64 = 0.01;

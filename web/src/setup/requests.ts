@@ -29,10 +29,10 @@ export function sourceFiles(): Promise<SourceFiles> {
 
 export type DeviceStream = {
   profile: string; encoding: string | null; size_px: [number, number] | null; rate_hz: number | null;
-  url: string | null; told_url: string | null;
+  url: string | null; reported_url: string | null;
 };
 export type Device = {
-  services: string[]; told_services: string[]; endpoint: string | null;
+  services: string[]; reported_services: string[]; endpoint: string | null;
   name: string | null; maker: string | null; model: string | null;
   clock: { secs: number; error_secs: number } | null;
   streams: DeviceStream[];

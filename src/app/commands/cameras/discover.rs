@@ -106,8 +106,8 @@ fn lines_of(device: &Device, credentials: Option<&str>, taken: &mut BTreeSet<Str
         urls.collect::<Vec<_>>().join(", ")
     };
     let mut lines = vec![format!("# {called}: {}", urls(&device.services))];
-    if !device.told_services.is_empty() {
-        lines.push(format!("#   says that it is at {}", urls(&device.told_services)));
+    if !device.reported_services.is_empty() {
+        lines.push(format!("#   says that it is at {}", urls(&device.reported_services)));
     }
     lines.push(device.clock.map_or_else(|| "#   does not tell its time".to_owned(), clock_line));
     lines.extend(device.problem.as_ref().map(|problem| format!("#   {problem}")));
@@ -118,7 +118,7 @@ fn lines_of(device: &Device, credentials: Option<&str>, taken: &mut BTreeSet<Str
         lines.extend(device.name.as_ref().map(|name| format!("name = {}", quoted(name))));
         lines.push("[camera.source]".to_owned());
         for (i, stream) in streams.enumerate() {
-            lines.push(format!("# {}", told(stream)));
+            lines.push(format!("# {}", stream_line(stream)));
             let off = if i == 0 { "" } else { "#" };
             let url = stream.url.as_ref().and_then(|url| serde_json::to_string(url).ok());
             lines.extend(url.map(|url| format!("{off}url = {url}")));
@@ -138,13 +138,14 @@ fn clock_line(clock: ClockOffset) -> String {
     )
 }
 
-fn told(stream: &DeviceStream) -> String {
+/// Describes a stream in a line: profile, encoding, size and rate.
+fn stream_line(stream: &DeviceStream) -> String {
     let size = stream.size_px.map(|[width, height]| format!("{width} x {height}"));
     let rate = stream.rate_hz.map(|rate_hz| format!("{rate_hz} Hz"));
-    let told: Vec<String> = [stream.encoding.clone(), size, rate].into_iter().flatten().collect();
-    let host = stream.told_url.as_ref().and_then(|url| Some(url.parse().ok()?.host.to_string()));
+    let parts: Vec<String> = [stream.encoding.clone(), size, rate].into_iter().flatten().collect();
+    let host = stream.reported_url.as_ref().and_then(|url| Some(url.parse().ok()?.host.to_string()));
     let host = host.map(|host| format!(" (it says {host} itself)")).unwrap_or_default();
-    format!("{}: {}{host}", stream.profile, told.join(", "))
+    format!("{}: {}{host}", stream.profile, parts.join(", "))
 }
 
 /// Returns an id that no other camera was given: its name's letters, or `camera`.
@@ -181,11 +182,11 @@ mod tests {
             size_px: Some([1920, 1080]),
             rate_hz: Some(12.5),
             url: url.map(CameraUrl::new),
-            told_url: Some(CameraUrl::new("rtsp://192.168.0.100/x")),
+            reported_url: Some(CameraUrl::new("rtsp://192.168.0.100/x")),
         };
         Device {
             services: vec![CameraUrl::new("http://10.0.0.7/onvif/device_service")],
-            told_services: vec![CameraUrl::new("http://192.168.0.100/onvif/device_service")],
+            reported_services: vec![CameraUrl::new("http://192.168.0.100/onvif/device_service")],
             endpoint: None,
             name: Some(name.to_owned()),
             maker: None,

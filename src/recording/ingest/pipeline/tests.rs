@@ -1,5 +1,6 @@
 //! A camera's way from frames to observations: clips, sizes, restarts.
 
+use super::checkpoint::MAGIC;
 use super::*;
 use videofields_vision::config::Resolution;
 use videofields_vision::frame::{ColorMatrix, ColorRange, YuvLayout};

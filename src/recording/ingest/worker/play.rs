@@ -1,4 +1,4 @@
-//! How a camera's thread plays a file: in real time, together with others, or whole, as fast as its frames are processed.
+//! Plays a file on a camera's thread: in real time, together with others, or whole, as fast as its frames are processed.
 //!
 //! Frames of a file flow in as fast as they are taken; each is handed on when its time has come. The first waits until the
 //! consumer is prepared and, in real time, until all files that begin together are ready.
@@ -15,10 +15,10 @@ use videofields_vision::frame::YuvImage;
 /// Time between two looks at whether others are as far.
 const LOOK: Duration = Duration::from_millis(5);
 
-/// How far a file that is played whole was played.
+/// Progress of a file that is played whole.
 #[derive(Clone, Copy)]
 pub(super) struct Played {
-    /// Of the latest frame.
+    /// Stream time of the latest frame.
     stream_nanos: i64,
     /// The number that the file's first frame has.
     first_number: u64,
@@ -31,7 +31,7 @@ impl Camera {
         self.member.get_or_insert_with(|| self.together.join(self.pace));
         let mut counted = Lost::default();
         let played = self.play_frames(source, &mut counted);
-        // What the last look found, and what an error cost.
+        // Losses that the last look found, and those of an error.
         self.count_file_lost(source, &mut counted);
         if self.end == End::Stop && counted.n_damaged > 0 {
             self.losses.count(DropReason::Damaged, counted.n_damaged, self.clock.monotonic());
@@ -113,7 +113,7 @@ impl Camera {
             }
             if !is_told {
                 is_told = true;
-                self.status.tell("it is ready and waits for the files that begin with it".to_owned());
+                self.status.set_reason("it is ready and waits for the files that begin with it".to_owned());
             }
             self.sleep_until(now.saturating_add(LOOK));
         }

@@ -1,4 +1,4 @@
-//! What a camera is fed from, where its stream time 0 lies, and how what follows from it becomes scene time.
+//! Feeds of cameras, and the scene time that follows from where their stream time 0 lies.
 
 use super::super::status::StatusReader;
 use super::super::together::Together;
@@ -6,12 +6,12 @@ use std::sync::{Arc, Mutex, PoisonError};
 use videofields_vision::clock::Timestamp;
 use videofields_vision::config::{ClockSettings, Pace, SourceSettings};
 
-/// What a camera is fed from.
+/// Feed of a camera.
 #[derive(Clone, Debug, Default)]
 pub struct Feed {
-    /// Where its frames come from.
+    /// Source of its frames.
     pub source: SourceSettings,
-    /// What is wrong with its clock.
+    /// Correction of its clock.
     pub clock: ClockSettings,
     /// The status of the worker that stood here before: it is told on, and its counts go on.
     pub status: Option<StatusReader>,
@@ -24,7 +24,7 @@ impl From<SourceSettings> for Feed {
 }
 
 impl Feed {
-    /// Where stream time 0 lies, if the camera begins with others.
+    /// Returns where stream time 0 lies, if the camera begins with others.
     pub(super) fn start(&self, together: Together) -> Start {
         let from_nanos = (self.source.from_secs * 1e9).round() as i64;
         let is_file = self.source.path.is_some();
@@ -43,7 +43,7 @@ impl Feed {
     }
 }
 
-/// What is wrong with a camera's clock; may be changed while the camera runs.
+/// Correction of a camera's clock; may be changed while the camera runs.
 #[derive(Clone, Debug, Default)]
 pub(super) struct SharedClock(pub(super) Arc<Mutex<ClockSettings>>);
 
@@ -57,7 +57,7 @@ impl SharedClock {
     }
 }
 
-/// Which time the camera's clock is corrected in.
+/// Kind of time in which the camera's clock is corrected.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) enum Corrected {
     /// A file that begins with the daemon is moved against the others that do: it plays later, or what lies before their
@@ -68,12 +68,12 @@ pub(super) enum Corrected {
     SceneTime { since: Timestamp },
 }
 
-/// Where stream time 0 lies, and how what follows from it becomes scene time.
+/// Beginning of a camera: where stream time 0 lies, and how scene time follows from it.
 pub(super) struct Start {
     /// In scene time, before the correction; none of a file that begins when those begin with which it belongs together.
     pub(super) scene: Option<Timestamp>,
     pub(super) together: Together,
-    /// How fast it is played; none of a live source.
+    /// Pace at which it is played; none of a live source.
     pub(super) pace: Option<Pace>,
     pub(super) clock: SharedClock,
     pub(super) corrected: Corrected,

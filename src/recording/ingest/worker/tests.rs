@@ -130,7 +130,7 @@ struct Bench {
     pace: Pace,
     /// Those with whom it begins; nobody else if absent.
     together: Option<Together>,
-    /// What getting ready takes.
+    /// Time that getting ready takes.
     prepare_cost: Duration,
     has_room: Arc<AtomicBool>,
     damaged_every: u64,

@@ -2,8 +2,8 @@
 
 use super::channel::Sender;
 use super::launch::leave;
-use super::memory::{Freed, Place, Places};
-use super::message::{FromWorker, Room};
+use super::memory::{OnFree, Slot, WritableBlock};
+use super::message::{Block, FromWorker};
 use gst::glib;
 use gst::glib::subclass::prelude::*;
 use gst::glib::translate::IntoGlibPtr as _;
@@ -14,16 +14,16 @@ use std::sync::{Arc, Condvar, Mutex, MutexGuard, OnceLock, PoisonError};
 
 /// All memory for pictures that a worker has.
 #[derive(Debug)]
-pub(super) struct Rooms {
+pub(super) struct SlotPool {
     state: Mutex<State>,
     answered: Condvar,
     sender: Arc<Mutex<Sender>>,
-    becomes: Freed,
+    on_free: OnFree,
 }
 
 #[derive(Debug, Default)]
 struct State {
-    rooms: Vec<Arc<Places>>,
+    blocks: Vec<Arc<WritableBlock>>,
     /// True while the daemon was asked and has not answered.
     is_asking: bool,
     n_answers: u64,
@@ -31,35 +31,36 @@ struct State {
     is_full: bool,
 }
 
-/// A place in the daemon's memory.
+/// A slot in the daemon's memory.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Found {
-    pub(super) room: u32,
-    pub(super) place: u32,
+pub(super) struct SlotAddress {
+    pub(super) block: u32,
+    pub(super) slot: u32,
     pub(super) offset: u32,
 }
 
-impl Rooms {
-    pub(super) fn new(sender: Arc<Mutex<Sender>>, becomes: Freed) -> Self {
-        Self { state: Mutex::default(), answered: Condvar::new(), sender, becomes }
+impl SlotPool {
+    pub(super) fn new(sender: Arc<Mutex<Sender>>, on_free: OnFree) -> Self {
+        Self { state: Mutex::default(), answered: Condvar::new(), sender, on_free }
     }
 
-    /// Returns a place for `n_bytes`, after asking the daemon for more where all are in use; none where it has none.
-    pub(super) fn place(&self, n_bytes: usize) -> Option<Place> {
+    /// Returns a slot for `n_bytes`, after asking the daemon for more where all are in use; none where it has none.
+    pub(super) fn take(&self, n_bytes: usize) -> Option<Slot> {
         let n_bytes = n_bytes as u64;
         let mut state = self.lock();
         loop {
-            let is_fit = |room: &Room| room.place_bytes >= n_bytes && room.place_bytes < n_bytes + (64 << 10);
-            let fitting = state.rooms.iter().filter(|places| is_fit(&places.room));
-            if let Some(place) = fitting.into_iter().find_map(|places| places.take(self.becomes)) {
-                return Some(place);
+            let is_fit =
+                |block: &Block| block.slot_bytes >= n_bytes && block.slot_bytes < n_bytes + (64 << 10);
+            let fitting = state.blocks.iter().filter(|block| is_fit(&block.block));
+            if let Some(slot) = fitting.into_iter().find_map(|block| block.take(self.on_free)) {
+                return Some(slot);
             }
             if !state.is_asking {
                 state.is_asking = true;
                 // Pictures of another size are not coming back.
-                let unused = state.rooms.extract_if(.., |places| !is_fit(&places.room) && places.is_free());
-                for places in unused {
-                    self.send(&FromWorker::Unmap(places.room.id));
+                let unused = state.blocks.extract_if(.., |block| !is_fit(&block.block) && block.is_free());
+                for block in unused {
+                    self.send(&FromWorker::Unmap(block.block.id));
                 }
                 self.send(&FromWorker::NeedMemory(n_bytes));
             }
@@ -74,21 +75,21 @@ impl Rooms {
     }
 
     /// Takes the daemon's answer.
-    pub(super) fn answer(&self, memory: Option<(OwnedFd, Room)>) {
-        let places = memory.and_then(|(file, room)| Places::new(file, room).ok());
+    pub(super) fn answer(&self, memory: Option<(OwnedFd, Block)>) {
+        let block = memory.and_then(|(file, block)| WritableBlock::new(file, block).ok());
         let mut state = self.lock();
-        state.is_full = places.is_none();
-        state.rooms.extend(places.map(Arc::new));
+        state.is_full = block.is_none();
+        state.blocks.extend(block.map(Arc::new));
         state.is_asking = false;
         state.n_answers += 1;
         self.answered.notify_all();
     }
 
-    /// Returns the place in which an address lies.
-    pub(super) fn find(&self, address: usize) -> Option<Found> {
-        self.lock().rooms.iter().find_map(|places| {
-            let (place, offset) = places.find(address)?;
-            Some(Found { room: places.room.id, place, offset })
+    /// Returns the slot in which an address lies.
+    pub(super) fn find(&self, address: usize) -> Option<SlotAddress> {
+        self.lock().blocks.iter().find_map(|block| {
+            let (slot, offset) = block.find(address)?;
+            Some(SlotAddress { block: block.block.id, slot, offset })
         })
     }
 
@@ -106,15 +107,15 @@ impl Rooms {
 }
 
 glib::wrapper! {
-    /// Gives `GStreamer` places in the daemon's memory.
+    /// Gives `GStreamer` slots in the daemon's memory.
     pub struct PictureAllocator(ObjectSubclass<imp::PictureAllocator>)
         @extends gst::Allocator, gst::Object;
 }
 
 impl PictureAllocator {
-    pub(super) fn new(rooms: &Arc<Rooms>) -> Self {
+    pub(super) fn new(slots: &Arc<SlotPool>) -> Self {
         let allocator: Self = glib::Object::new();
-        if allocator.imp().rooms.set(Arc::clone(rooms)).is_err() {
+        if allocator.imp().slots.set(Arc::clone(slots)).is_err() {
             unreachable!("an allocator that was just made has no memory yet");
         }
         allocator
@@ -127,7 +128,7 @@ mod imp {
     /// Holds the memory of [`super::PictureAllocator`].
     #[derive(Debug, Default)]
     pub struct PictureAllocator {
-        pub(super) rooms: OnceLock<Arc<Rooms>>,
+        pub(super) slots: OnceLock<Arc<SlotPool>>,
     }
 
     #[glib::object_subclass]
@@ -145,9 +146,9 @@ mod imp {
     unsafe impl AllocatorImpl for PictureAllocator {
         unsafe fn alloc(&self, size: usize, params: &gst::AllocationParams) -> *mut gst::ffi::GstMemory {
             let n_bytes = size.saturating_add(params.prefix()).saturating_add(params.padding());
-            let place = self.rooms.get().and_then(|rooms| rooms.place(n_bytes));
-            let Some(place) = place else { return std::ptr::null_mut() };
-            let mut memory = gst::Memory::from_mut_slice(place);
+            let slot = self.slots.get().and_then(|slots| slots.take(n_bytes));
+            let Some(slot) = slot else { return std::ptr::null_mut() };
+            let mut memory = gst::Memory::from_mut_slice(slot);
             if let Some(memory) = memory.get_mut() {
                 memory.resize(params.prefix()..params.prefix() + size);
             }

@@ -23,7 +23,7 @@ const KEPT_VARIABLES: [&str; 6] = ["HOME", "LANG", "LD_LIBRARY_PATH", "PATH", "T
 /// Workers that wait for work: to start one takes longer than to seek in a recording.
 const N_SPARE: usize = 2;
 
-/// Most bytes of what a worker said on its standard error that are read, and those at the end of it that are told.
+/// Most bytes of what a worker said on its standard error that are read, and those at the end of it that are logged.
 const MAX_READ_BYTES: u64 = 64 << 10;
 const MAX_SAID_BYTES: usize = 4096;
 
@@ -31,7 +31,7 @@ const MAX_SAID_BYTES: usize = 4096;
 const ENDING_TIME: Duration = Duration::from_millis(200);
 const ENDING_LOOKS: u32 = 20;
 
-/// Room in a worker's socket; larger than usual, so that a key frame does not wait.
+/// Block in a worker's socket; larger than usual, so that a key frame does not wait.
 const SOCKET_BYTES: usize = 1 << 20;
 
 /// Time for which a message to a worker may wait.
@@ -44,7 +44,7 @@ static SPARE: Mutex<Vec<Process>> = Mutex::new(Vec::new());
 pub fn run_if_asked() {
     if std::env::args_os().nth(1).as_deref() == Some(OsStr::new(ARGUMENT)) {
         close_inherited();
-        // Where memory is short, a worker goes and not the daemon.
+        // The kernel ends a worker before the daemon, when memory is short.
         if let Err(error) = std::fs::write("/proc/self/oom_score_adj", "800") {
             tracing::debug!(%error, "a worker is ended no sooner than others where memory is short");
         }
@@ -119,7 +119,7 @@ impl Process {
         let (said, says) = io::pipe()?;
         let (said, says) = (OwnedFd::from(said), OwnedFd::from(says));
         for end in [&said, &says] {
-            // What nobody reads does not hold up who says it.
+            // Text that nobody reads does not hold up the worker.
             rustix::io::ioctl_fionbio(end, true)?;
         }
         let is_kept = |name: &OsStr| {
@@ -135,7 +135,7 @@ impl Process {
             .envs(std::env::vars_os().filter(|(name, _)| is_kept(name)))
             // The daemon has looked at all plugins.
             .env("GST_REGISTRY_UPDATE", "no")
-            // What a terminal tells the daemon is not for its workers, which end with it.
+            // Signals of a terminal are for the daemon alone; its workers end with it.
             .process_group(0)
             .stdin(OwnedFd::from(theirs))
             .stdout(Stdio::null())
@@ -178,11 +178,12 @@ impl Process {
         if !said.is_empty() {
             tracing::debug!(said = %String::from_utf8_lossy(said).escape_debug(), "a decoding process ended");
         }
-        status.map_or_else(|| "it hung up".to_owned(), told)
+        status.map_or_else(|| "it hung up".to_owned(), exit_reason)
     }
 }
 
-fn told(status: ExitStatus) -> String {
+/// Returns how a process with that status ended.
+fn exit_reason(status: ExitStatus) -> String {
     match (status.signal(), status.code()) {
         (Some(signal), _) => {
             let name = match signal {
@@ -199,8 +200,9 @@ fn told(status: ExitStatus) -> String {
 
 impl Drop for Process {
     fn drop(&mut self) {
-        // One that is gone already cannot be ended.
-        drop(self.child.kill());
+        if let Err(error) = self.child.kill() {
+            tracing::debug!(%error, "a decoding process is gone already");
+        }
         if let Err(error) = self.child.wait() {
             tracing::warn!(%error, "a decoding process is not seen to end");
         }

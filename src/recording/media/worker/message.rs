@@ -4,7 +4,7 @@
 
 use super::format::Format;
 use super::sandbox::Sandbox;
-use crate::media::encoded::Build;
+use crate::media::encoded::FrameKind;
 use crate::media::{Fault, Times};
 use gstreamer as gst;
 use serde::{Deserialize, Serialize};
@@ -36,7 +36,7 @@ pub(super) enum ToWorker {
     /// A frame; its bytes follow.
     Frame(FrameTimes),
     /// Memory for pictures comes with this message, in answer to `NeedMemory`.
-    Memory(Room),
+    Memory(Block),
     /// There is no memory for more pictures.
     NoMemory,
     /// Bytes follow, in answer to `NeedBytes`; none at the end.
@@ -84,15 +84,15 @@ pub(super) enum FromWorker {
     Ended,
 }
 
-/// Memory for pictures, in places of the same size.
+/// Block of memory for pictures, in slots of the same size.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub(super) struct Room {
+pub(super) struct Block {
     /// Its number.
     pub(super) id: u32,
-    /// Bytes of each place, whole pages.
-    pub(super) place_bytes: u64,
-    /// Number of places.
-    pub(super) n_places: u32,
+    /// Bytes of each slot, whole pages.
+    pub(super) slot_bytes: u64,
+    /// Number of slots.
+    pub(super) n_slots: u32,
 }
 
 /// Times and flags of an encoded frame on its way to a worker, as `GStreamer` has them.
@@ -111,7 +111,7 @@ pub(super) struct FrameTimes {
 pub(super) struct EncodedTimes {
     pub(super) stream_nanos: Option<i64>,
     pub(super) interval_nanos: Option<i64>,
-    pub(super) build: Build,
+    pub(super) build: FrameKind,
 }
 
 /// A picture's place in memory, its layout and its times.
@@ -119,12 +119,13 @@ pub(super) struct EncodedTimes {
 pub(super) struct PictureHead {
     /// Number by which it is released.
     pub(super) ticket: u32,
-    pub(super) room: u32,
-    /// The place in that room.
-    pub(super) place: u32,
+    /// Block in which it lies.
+    pub(super) block: u32,
+    /// Slot of that block.
+    pub(super) slot: u32,
     pub(super) width: u32,
     pub(super) height: u32,
-    /// Bytes from the place's beginning to each plane.
+    /// Bytes from the slot's beginning to each plane.
     pub(super) offsets: [u32; 3],
     pub(super) strides: [u32; 3],
     pub(super) matrix: Matrix,

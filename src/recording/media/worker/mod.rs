@@ -8,10 +8,12 @@
 mod allocator;
 mod channel;
 mod format;
+mod handle;
 mod launch;
+mod link;
 mod memory;
 mod message;
-mod remote;
+mod pictures;
 mod sandbox;
 mod serve;
 #[cfg(test)]
@@ -22,6 +24,6 @@ pub use launch::run_if_asked;
 mod tests;
 
 #[cfg(any(test, feature = "fuzzing"))]
-pub use remote::fuzzing::{worker_channel, worker_messages};
-pub(super) use remote::{Remote, Work};
+pub use handle::fuzzing::{worker_channel, worker_messages};
+pub(super) use handle::{Work, WorkerHandle};
 pub use sandbox::{Decoding, Sandbox};

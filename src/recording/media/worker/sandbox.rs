@@ -22,7 +22,7 @@ const MAX_ADDRESS_BYTES: u64 = 32 << 30;
 /// Flag of files that are made without a name; the library's has the flag of folders in it.
 const OPEN_UNNAMED: i32 = libc::O_TMPFILE & !libc::O_DIRECTORY;
 
-/// Most open files: one for each room of pictures.
+/// Most open files: one for each block of pictures.
 const MAX_FILES: u64 = 4096;
 
 /// Parts of the sandbox that hold a worker.
@@ -82,7 +82,7 @@ fn library_folders() -> Vec<PathBuf> {
     folders.extend(std::env::var_os("LD_LIBRARY_PATH").iter().flat_map(std::env::split_paths));
     let plugins = gstreamer::Registry::get().plugins();
     let files = plugins.into_iter().filter_map(|plugin| plugin.filename());
-    // What plugins need lies beside them or one folder up, wherever that is.
+    // Libraries of plugins lie beside them or one folder up, wherever that is.
     folders.extend(files.flat_map(|file| {
         let folders = file.ancestors().skip(1).take(2);
         folders.filter(|folder| folder.components().count() > 2).map(Path::to_path_buf).collect::<Vec<_>>()

@@ -2,7 +2,7 @@
 
 use super::channel::{Deadline, Files, Received, Receiver, Sender};
 use super::launch::Process;
-use super::message::{FromWorker, Matrix, PictureHead, Room, ToWorker};
+use super::message::{Block, FromWorker, Matrix, PictureHead, ToWorker};
 use super::*;
 use crate::media::{Decoder, EncodedQueue, Fault, Input, Picture, Times};
 use std::os::fd::OwnedFd;
@@ -56,15 +56,15 @@ fn a_worker_has_no_file_and_no_variable_of_the_daemon_but_its_own() {
 fn what_decoding_does_not_need_is_refused_to_a_worker() {
     let victim = trial::victim(std::process::id());
     std::fs::write(&victim, b"kept").unwrap();
-    let mut remote = Remote::start(Work::Trial, Times::Played).unwrap();
+    let mut handle = WorkerHandle::start(Work::Trial, Times::Played).unwrap();
     let results = (0..100).find_map(|_| {
-        drop(remote.pull(PATIENCE / 100));
-        remote.take_fault()
+        drop(handle.pull(PATIENCE / 100));
+        handle.take_fault()
     });
     let Some(Fault::Damaged(results)) = results else { panic!("{results:?}") };
     assert_eq!(std::fs::read(&victim).unwrap(), b"kept");
     std::fs::remove_file(&victim).unwrap();
-    let landlock = remote.decoding().unwrap().sandbox.landlock_abi;
+    let landlock = handle.decoding().unwrap().sandbox.landlock_abi;
     for result in results.split(", ") {
         let (trial, outcome) = result.split_once('=').unwrap();
         let is_allowed = matches!(trial, "thread" | "library" | "memory");
@@ -89,7 +89,7 @@ fn a_worker_that_is_killed_ends_its_stream_alone_with_a_reason() {
     let fault = std::iter::repeat_with(|| next(&mut killed)).find_map(Result::err).unwrap();
     assert!(matches!(&fault, Fault::Worker(how) if how.contains("signal 11")), "{fault}");
     assert!(killed.pull(Duration::ZERO).is_none());
-    // What it gave stays readable.
+    // The picture that it gave stays readable.
     assert_eq!(held.image.plane(0).row(119).len(), 160);
     let n_others = std::iter::from_fn(|| other.pull(PATIENCE)).count();
     assert_eq!((n_others, other.has_ended()), (39, true));
@@ -116,45 +116,46 @@ fn pictures_that_are_held_do_not_change_and_their_memory_is_used_again() {
         assert_eq!(held.len(), 40);
         assert!(held.iter().all(|(picture, before)| sum(picture) == *before));
     }
-    // One at a time, few places do.
+    // One at a time, few slots do.
     let mut decoder = Decoder::start(Input::file(&path).unwrap(), None).unwrap();
     while let Some(picture) = decoder.pull(PATIENCE) {
         drop(picture);
     }
     let files = std::fs::read_dir(format!("/proc/{}/fd", decoder.decoding().unwrap().process_id)).unwrap();
-    let is_room = |file: &PathBuf| file.to_string_lossy().contains("videofields-pictures");
-    let n_rooms = files.map(|file| std::fs::read_link(file.unwrap().path()).unwrap()).filter(is_room).count();
-    assert!((1..=3).contains(&n_rooms), "{n_rooms} rooms of 16 pictures");
+    let is_block = |file: &PathBuf| file.to_string_lossy().contains("videofields-pictures");
+    let n_blocks =
+        files.map(|file| std::fs::read_link(file.unwrap().path()).unwrap()).filter(is_block).count();
+    assert!((1..=3).contains(&n_blocks), "{n_blocks} blocks of 16 pictures");
 }
 
 /// A worker that is none: the test says what it sends.
-struct False {
-    remote: Remote,
+struct FakeWorker {
+    handle: WorkerHandle,
     sender: Sender,
     receiver: Receiver,
 }
 
-impl False {
+impl FakeWorker {
     fn new(work: Work) -> Self {
         let (ours, theirs) = UnixStream::pair().unwrap();
         let process = Process::of_command("sleep", OwnedFd::from(ours));
-        let remote = Remote::with_process(process, work, Times::Played).unwrap();
+        let handle = WorkerHandle::with_process(process, work, Times::Played).unwrap();
         let theirs = OwnedFd::from(theirs);
         let receiver = Receiver::new(theirs.try_clone().unwrap(), Files::Kept(Vec::new()), 0);
-        Self { remote, sender: Sender::new(theirs, None), receiver }
+        Self { handle, sender: Sender::new(theirs, None), receiver }
     }
 
     fn say(&mut self, message: &FromWorker) -> Option<Picture> {
         self.sender.send(message, &[], None).unwrap();
-        self.remote.pull(Duration::from_millis(1))
+        self.handle.pull(Duration::from_millis(1))
     }
 
     /// Gets memory for pictures of so many bytes.
-    fn room(&mut self, n_bytes: u64) -> Option<Room> {
+    fn block(&mut self, n_bytes: u64) -> Option<Block> {
         assert!(self.say(&FromWorker::NeedMemory(n_bytes)).is_none());
         loop {
             match self.receiver.receive(Deadline::after(PATIENCE)) {
-                Received::Message(ToWorker::Memory(room), _) => return Some(room),
+                Received::Message(ToWorker::Memory(block), _) => return Some(block),
                 Received::Message(ToWorker::NoMemory, _) => return None,
                 Received::Message(..) => {}
                 other => panic!("{other:?}"),
@@ -163,18 +164,18 @@ impl False {
     }
 
     fn reason(&mut self) -> String {
-        match self.remote.take_fault() {
+        match self.handle.take_fault() {
             Some(Fault::Worker(reason)) => reason,
             other => panic!("{other:?}"),
         }
     }
 }
 
-fn head(room: Room) -> PictureHead {
+fn head(block: Block) -> PictureHead {
     PictureHead {
         ticket: 7,
-        room: room.id,
-        place: 0,
+        block: block.id,
+        slot: 0,
         width: 64,
         height: 48,
         offsets: [0, 64 * 48, 64 * 48 + 32 * 24],
@@ -195,8 +196,8 @@ type Change = fn(&mut PictureHead);
 #[test]
 fn a_false_worker_is_ended_and_told_of() {
     let changes: [(&str, Change); 7] = [
-        ("memory that it does not have", |head| head.room += 1),
-        ("does not lie in its memory", |head| head.place = 16),
+        ("memory that it does not have", |head| head.block += 1),
+        ("does not lie in its memory", |head| head.slot = 16),
         ("does not lie in its memory", |head| head.offsets[2] = 1 << 20),
         ("does not lie in its memory", |head| head.strides[0] = u32::MAX),
         ("does not lie in its memory", |head| head.strides[1] = 16),
@@ -204,21 +205,21 @@ fn a_false_worker_is_ended_and_told_of() {
         ("does not lie in its memory", |head| head.height = 0),
     ];
     for (expected, change) in changes {
-        let mut worker = False::new(Work::Frames);
-        let room = worker.room(PICTURE_BYTES).unwrap();
-        let mut head = head(room);
+        let mut worker = FakeWorker::new(Work::Frames);
+        let block = worker.block(PICTURE_BYTES).unwrap();
+        let mut head = head(block);
         assert!(worker.say(&FromWorker::Picture(head)).is_some(), "the picture is right before the change");
         change(&mut head);
         assert!(worker.say(&FromWorker::Picture(head)).is_none());
         let reason = worker.reason();
         assert!(reason.contains(expected), "{reason}");
     }
-    let mut worker = False::new(Work::Frames);
-    let room = worker.room(PICTURE_BYTES).unwrap();
-    worker.sender.send(&FromWorker::Picture(head(room)), &[], None).unwrap();
-    worker.sender.send(&FromWorker::Picture(head(room)), &[], None).unwrap();
-    worker.sender.send(&FromWorker::Picture(head(room)), &[], None).unwrap();
-    let n_pictures = std::iter::from_fn(|| worker.remote.pull(Duration::from_millis(1))).count();
+    let mut worker = FakeWorker::new(Work::Frames);
+    let block = worker.block(PICTURE_BYTES).unwrap();
+    worker.sender.send(&FromWorker::Picture(head(block)), &[], None).unwrap();
+    worker.sender.send(&FromWorker::Picture(head(block)), &[], None).unwrap();
+    worker.sender.send(&FromWorker::Picture(head(block)), &[], None).unwrap();
+    let n_pictures = std::iter::from_fn(|| worker.handle.pull(Duration::from_millis(1))).count();
     // Each look asks for one: there is none that was not asked for.
     assert_eq!(n_pictures, 3);
     for (message, expected) in [
@@ -226,7 +227,7 @@ fn a_false_worker_is_ended_and_told_of() {
         (FromWorker::NeedMemory(1 << 40), "memory"),
         (FromWorker::NeedBytes(5), "bytes"),
     ] {
-        let mut worker = False::new(Work::Frames);
+        let mut worker = FakeWorker::new(Work::Frames);
         assert!(worker.say(&message).is_none());
         assert!(worker.reason().contains(expected));
     }
@@ -235,35 +236,35 @@ fn a_false_worker_is_ended_and_told_of() {
 #[test]
 fn what_is_no_message_ends_a_worker() {
     for bytes in [&[0xff; 64][..], &[1, 0, 0, 0, 0, 0, 0, 0, 99], &[2, 0, 0, 0, 0, 0, 0, 0, 4, 4]] {
-        let mut worker = False::new(Work::Frames);
+        let mut worker = FakeWorker::new(Work::Frames);
         worker.sender.send_raw(bytes);
-        assert!(worker.remote.pull(Duration::from_millis(50)).is_none());
+        assert!(worker.handle.pull(Duration::from_millis(50)).is_none());
         assert!(!worker.reason().is_empty());
     }
 }
 
 #[test]
 fn a_workers_memory_has_an_end_which_grows_with_what_is_held() {
-    let mut worker = False::new(Work::File(tempfile::tempfile().unwrap(), None));
+    let mut worker = FakeWorker::new(Work::File(tempfile::tempfile().unwrap(), None));
     let megabyte = 4 << 20;
-    let rooms: Vec<_> = std::iter::from_fn(|| worker.room(megabyte)).collect();
-    assert_eq!(rooms.len(), 64, "of one place each");
-    let held = worker.say(&FromWorker::Picture(PictureHead { ..head(rooms[0]) })).unwrap();
-    assert!(worker.room(megabyte).is_some());
-    assert!(worker.room(megabyte).is_none());
+    let blocks: Vec<_> = std::iter::from_fn(|| worker.block(megabyte)).collect();
+    assert_eq!(blocks.len(), 64, "of one slot each");
+    let held = worker.say(&FromWorker::Picture(PictureHead { ..head(blocks[0]) })).unwrap();
+    assert!(worker.block(megabyte).is_some());
+    assert!(worker.block(megabyte).is_none());
     drop(held);
-    assert!(worker.say(&FromWorker::Unmap(rooms[1].id)).is_none());
-    assert!(worker.room(megabyte).is_none(), "two more than there may be, less one");
-    assert!(worker.say(&FromWorker::Unmap(rooms[2].id)).is_none());
-    assert!(worker.room(megabyte).is_some());
+    assert!(worker.say(&FromWorker::Unmap(blocks[1].id)).is_none());
+    assert!(worker.block(megabyte).is_none(), "two more than there may be, less one");
+    assert!(worker.say(&FromWorker::Unmap(blocks[2].id)).is_none());
+    assert!(worker.block(megabyte).is_some());
 }
 
 #[test]
 fn texts_of_a_worker_are_short_and_plain() {
-    let mut worker = False::new(Work::Frames);
+    let mut worker = FakeWorker::new(Work::Frames);
     let text = format!("line\n\u{1b}[31m{}", "x".repeat(1000));
     assert!(worker.say(&FromWorker::Fault(Fault::Damaged(text))).is_none());
-    let Some(Fault::Damaged(told)) = worker.remote.take_fault() else { panic!("no fault") };
+    let Some(Fault::Damaged(told)) = worker.handle.take_fault() else { panic!("no fault") };
     assert!(told.len() < 310 && !told.chars().any(char::is_control), "{told:?}");
 }
 

@@ -19,35 +19,35 @@ pub(super) fn results() -> String {
     let flags = rustix::fs::MemfdFlags::CLOEXEC;
     let emptied = rustix::fs::open(victim(parent), OFlags::RDONLY | OFlags::TRUNC, Mode::empty());
     let trials: [(&str, Result<(), String>); 14] = [
-        ("thread", told(std::thread::Builder::new().spawn(|| {}))),
-        ("library", told(std::fs::read_dir("/usr/lib"))),
-        ("memory", told(Vec::<u8>::new().try_reserve_exact(64 << 20))),
-        ("much", told(Vec::<u8>::new().try_reserve_exact(3 << 30))),
-        ("read", told(File::open("/etc/passwd"))),
-        ("write", told(File::create("/tmp/videofields-trial"))),
-        ("environment", told(std::fs::read(format!("/proc/{parent}/environ")))),
-        ("tcp", told(TcpListener::bind(("127.0.0.1", 0)))),
-        ("udp", told(UdpSocket::bind(("127.0.0.1", 0)))),
-        ("unix", told(UnixDatagram::unbound())),
-        ("program", told(Command::new("/bin/true").spawn())),
-        ("empty", told(emptied)),
-        ("memfd", told(rustix::fs::memfd_create("trial", flags))),
+        ("thread", outcome(std::thread::Builder::new().spawn(|| {}))),
+        ("library", outcome(std::fs::read_dir("/usr/lib"))),
+        ("memory", outcome(Vec::<u8>::new().try_reserve_exact(64 << 20))),
+        ("much", outcome(Vec::<u8>::new().try_reserve_exact(3 << 30))),
+        ("read", outcome(File::open("/etc/passwd"))),
+        ("write", outcome(File::create("/tmp/videofields-trial"))),
+        ("environment", outcome(std::fs::read(format!("/proc/{parent}/environ")))),
+        ("tcp", outcome(TcpListener::bind(("127.0.0.1", 0)))),
+        ("udp", outcome(UdpSocket::bind(("127.0.0.1", 0)))),
+        ("unix", outcome(UnixDatagram::unbound())),
+        ("program", outcome(Command::new("/bin/true").spawn())),
+        ("empty", outcome(emptied)),
+        ("memfd", outcome(rustix::fs::memfd_create("trial", flags))),
         (
             "signal",
-            told(
+            outcome(
                 pid.ok_or("no parent")
                     .map(rustix::process::test_kill_process)
                     .and_then(|sent| sent.map_err(|_refused| "refused")),
             ),
         ),
     ];
-    let text = trials.map(|(name, outcome)| match outcome {
+    let text = trials.map(|(name, result)| match result {
         Ok(()) => format!("{name}=done"),
         Err(_error) => format!("{name}=refused"),
     });
     text.join(", ")
 }
 
-fn told<T, E: ToString>(result: Result<T, E>) -> Result<(), String> {
+fn outcome<T, E: ToString>(result: Result<T, E>) -> Result<(), String> {
     result.map(drop).map_err(|error| error.to_string())
 }

@@ -32,11 +32,11 @@ function Streams({ device, chosen, onChoose }: { device: Device; chosen: string;
   return (
     <>
       {device.problem !== null && <p class="fault">{device.problem}</p>}
-      {device.streams.map(({ url, told_url, ...stream }, i) => (
+      {device.streams.map(({ url, reported_url, ...stream }, i) => (
         <label key={i} class="file">
           <input type="radio" name="found-stream" disabled={url === null} checked={url !== null && url === chosen} onChange={() => url !== null && onChoose(url)} />
-          <span class="file-path">{shownStream({ url, told_url, ...stream })}</span>
-          <span class="quiet">{url ?? say("videos.find.noUrl")}{told_url !== null && ` (${say("videos.find.told", { url: told_url })})`}</span>
+          <span class="file-path">{shownStream({ url, reported_url, ...stream })}</span>
+          <span class="quiet">{url ?? say("videos.find.noUrl")}{reported_url !== null && ` (${say("videos.find.told", { url: reported_url })})`}</span>
         </label>
       ))}
     </>

@@ -1,6 +1,7 @@
 //! Truths about the daemon's side of a worker, whatever a worker sends.
 
 use super::super::channel::{Deadline, Files, Received, Receiver};
+use super::super::format::Format;
 use super::*;
 use crate::media::fuzzing::{pieces, without_complaints};
 use rustix::net::RecvFlags;
@@ -36,19 +37,20 @@ fn take_all(data: &[u8]) -> usize {
         _ => Work::Stream(Box::new(std::io::repeat(7).take(1 << 16))),
     };
     let process = Process::of_command("true", OwnedFd::from(ours));
-    let mut remote = Remote::with_process(process, work, Times::Played).expect("a worker is told to begin");
+    let mut handle =
+        WorkerHandle::with_process(process, work, Times::Played).expect("a worker is reported to begin");
     let (mut held, mut n_taken) = (VecDeque::new(), 0);
     while n_taken < MAX_TAKEN
         && let Ok((message, behind)) = postcard::take_from_bytes::<FromWorker>(rest)
     {
         rest = behind;
         holds_written(&message);
-        remote.ask();
+        handle.ask();
         let payload = behind[..behind.len().min(MAX_BEHIND_BYTES)].to_vec();
-        let before = (remote.told.n_damaged, remote.told.n_replaced, queue.n_dropped());
-        let taken = remote.take(message, payload);
+        let before = (handle.reported.n_damaged, handle.reported.n_replaced, queue.n_dropped());
+        let taken = handle.take(message, payload);
         n_taken += 1;
-        holds_told(&remote, &queue, before);
+        holds_told(&handle, &queue, before);
         match taken {
             Ok(picture) => held.extend(picture.inspect(holds_picture)),
             Err(reason) => {
@@ -62,7 +64,7 @@ fn take_all(data: &[u8]) -> usize {
         hear(&theirs);
     }
     drop(held);
-    assert_eq!(remote.link.held_bytes.load(Ordering::Relaxed), 0, "nothing is in use");
+    assert_eq!(handle.link.held_bytes.load(Ordering::Relaxed), 0, "nothing is in use");
     n_taken
 }
 
@@ -83,20 +85,21 @@ fn holds_written(message: &FromWorker) {
     }
 }
 
-fn holds_told(remote: &Remote, queue: &EncodedQueue, before: (u64, u64, u64)) {
-    let told = &remote.told;
-    let counts = [(before.0, told.n_damaged), (before.1, told.n_replaced), (before.2, queue.n_dropped())];
+fn holds_told(handle: &WorkerHandle, queue: &EncodedQueue, before: (u64, u64, u64)) {
+    let reported = &handle.reported;
+    let counts =
+        [(before.0, reported.n_damaged), (before.1, reported.n_replaced), (before.2, queue.n_dropped())];
     // The queue leaves out frames for itself too.
     let most = MAX_COUNT + MAX_TAKEN as u64;
     assert!(counts.iter().all(|(before, now)| before <= now && *now <= most), "{counts:?}");
     let is_plain = |text: &str| text.chars().count() <= MAX_LETTERS && !text.contains(char::is_control);
-    assert!(told.codec.as_deref().is_none_or(is_plain), "{told:?}");
-    assert!(told.duration_nanos.is_none_or(|nanos| (1..=MAX_NANOS).contains(&nanos)), "{told:?}");
-    if let Some(fault) = &told.fault {
+    assert!(reported.codec.as_deref().is_none_or(is_plain), "{reported:?}");
+    assert!(reported.duration_nanos.is_none_or(|nanos| (1..=MAX_NANOS).contains(&nanos)), "{reported:?}");
+    if let Some(fault) = &reported.fault {
         let text = fault.to_string();
         assert!(text.len() < 9 * MAX_LETTERS && !text.contains(char::is_control), "{text:?}");
     }
-    let n_bytes: u64 = remote.rooms.values().map(|room| room.len_bytes()).sum();
+    let n_bytes: u64 = handle.blocks.values().map(|block| block.len_bytes()).sum();
     let most = MAX_SPARE_BYTES + (MAX_HELD as u64 + 2) * (MAX_PICTURE_BYTES + (4 << 20));
     assert!(n_bytes <= most, "{n_bytes} bytes of memory");
 }

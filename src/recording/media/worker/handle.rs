@@ -4,23 +4,22 @@
 pub(super) mod fuzzing;
 
 use super::channel::{Deadline, Files, MAX_PAYLOAD_BYTES, Received, Receiver, Sender, hang_up};
-use super::format::Format;
 use super::launch::{Process, SEND_TIME};
-use super::memory::Pictures;
-use super::message::{EncodedTimes, FrameTimes, FromWorker, Job, Matrix, PictureHead, ToWorker};
+use super::link::{FrameFeed, Link, SharedPicture};
+use super::memory::MappedBlock;
+use super::message::{EncodedTimes, FromWorker, Job, Matrix, PictureHead, ToWorker};
 use super::sandbox::{Decoding, Sandbox};
 use crate::media::encoded::EncodedFormat;
-use crate::media::planes::reference_nanos;
 use crate::media::{EncodedFrame, EncodedQueue, Fault, Muxer, Picture, Times, announced};
-use gstreamer as gst;
 use std::collections::HashMap;
 use std::fs::File;
 use std::io::Read;
 use std::os::fd::{AsFd as _, OwnedFd};
-use std::sync::atomic::{AtomicU64, Ordering};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::Arc;
+use std::sync::atomic::Ordering;
 use std::time::Duration;
 use videofields_vision::frame::{ColorMatrix, ColorRange, YuvImage, YuvLayout};
+use videofields_vision::lock::lock;
 
 /// Pictures of a file that are decoded before they are asked for.
 const N_AHEAD: u32 = 4;
@@ -28,8 +27,8 @@ const N_AHEAD: u32 = 4;
 /// Messages that one look for a picture takes at most: no worker keeps a camera's thread busy for ever.
 const MAX_MESSAGES: u32 = 4096;
 
-/// Places that a worker may have beyond those of the pictures that are in use: decoders build on up to sixteen, and some wait.
-const MAX_SPARE_PLACES: u64 = 64;
+/// Slots that a worker may have beyond those of the pictures that are in use: decoders build on up to sixteen, and some wait.
+const MAX_SPARE_SLOTS: u64 = 64;
 
 /// Bounds of the memory that makes, in bytes: decoders of the largest pictures take less than the second.
 const MIN_SPARE_BYTES: u64 = 64 << 20;
@@ -59,7 +58,7 @@ pub(in crate::media) enum Work {
 }
 
 /// A worker at work. Its process ends when this is dropped.
-pub(in crate::media) struct Remote {
+pub(in crate::media) struct WorkerHandle {
     process: Process,
     receiver: Receiver,
     link: Arc<Link>,
@@ -67,8 +66,8 @@ pub(in crate::media) struct Remote {
     stream: Option<Box<dyn Read + Send>>,
     encoded: Option<Arc<EncodedQueue>>,
     encoded_format: Option<Arc<EncodedFormat>>,
-    rooms: HashMap<u32, Arc<Pictures>>,
-    next_room: u32,
+    blocks: HashMap<u32, Arc<MappedBlock>>,
+    next_block: u32,
     /// Bytes of the picture for which there was no memory when it was wanted.
     wanted_bytes: Option<u64>,
     /// Pictures that were asked for and have not come.
@@ -76,12 +75,12 @@ pub(in crate::media) struct Remote {
     /// Number of the newest message that seeks, and of the one after which pictures come now: those before it are not shown.
     n_seeks: u32,
     n_sought: u32,
-    told: Told,
+    reported: Reported,
 }
 
-/// Things that a worker has told of itself and its stream.
+/// Values that a worker has reported of itself and its stream.
 #[derive(Debug, Default)]
-struct Told {
+struct Reported {
     sandbox: Option<Sandbox>,
     codec: Option<String>,
     duration_nanos: Option<i64>,
@@ -94,113 +93,17 @@ struct Told {
     is_closed: bool,
 }
 
-impl std::fmt::Debug for Remote {
+impl std::fmt::Debug for WorkerHandle {
     fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         formatter
-            .debug_struct("Remote")
+            .debug_struct("WorkerHandle")
             .field("job", &self.job)
-            .field("told", &self.told)
+            .field("reported", &self.reported)
             .finish_non_exhaustive()
     }
 }
 
-/// The way to a worker that pictures and a pipeline's threads share.
-#[derive(Debug)]
-struct Link {
-    sender: Mutex<Sender>,
-    /// Pictures that are not in use any more and of which the worker does not know.
-    released: Mutex<Vec<u32>>,
-    /// Bytes of memory in which pictures are that are in use.
-    held_bytes: AtomicU64,
-    /// Reason for which frames cannot be handed over.
-    unfit: Mutex<Option<String>>,
-}
-
-impl Link {
-    fn send(&self, message: &ToWorker, payload: &[u8]) -> std::io::Result<()> {
-        lock(&self.sender).send(message, payload, None)
-    }
-
-    /// Tells that a picture is not in use any more, now where that needs no waiting, else later.
-    fn release(&self, ticket: u32, n_bytes: u64) {
-        self.held_bytes.fetch_sub(n_bytes, Ordering::Relaxed);
-        if let Ok(mut sender) = self.sender.try_lock()
-            && sender.try_send(&ToWorker::Release(ticket))
-        {
-            return;
-        }
-        lock(&self.released).push(ticket);
-    }
-
-    fn flush(&self) {
-        let released = std::mem::take(&mut *lock(&self.released));
-        for ticket in released {
-            if let Err(error) = self.send(&ToWorker::Release(ticket), &[]) {
-                tracing::debug!(%error, "a worker does not take what is said to it");
-                return;
-            }
-        }
-    }
-}
-
-fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
-}
-
-/// Hands a camera's encoded frames to its worker.
-#[derive(Debug)]
-pub(in crate::media) struct Frames {
-    link: Arc<Link>,
-    format: Mutex<Option<gst::Caps>>,
-}
-
-impl Frames {
-    /// Hands over the frame in `sample`. One that cannot be is lost: the worker is gone then, which shows with its pictures.
-    pub(in crate::media) fn push(&self, sample: &gst::SampleRef) {
-        let (Some(caps), Some(buffer)) = (sample.caps(), sample.buffer()) else { return };
-        let mut known = lock(&self.format);
-        if known.as_deref() != Some(caps) {
-            let Some(format) = Format::of(caps).filter(|format| format.caps().is_some()) else {
-                let codec = caps.structure(0).map_or("frames of no format", |format| format.name().as_str());
-                *lock(&self.link.unfit) = Some(format!("{codec} in this form cannot be decoded"));
-                return;
-            };
-            *known = Some(caps.to_owned());
-            if self.link.send(&ToWorker::Format(format), &[]).is_err() {
-                return;
-            }
-        }
-        let Ok(bytes) = buffer.map_readable() else { return };
-        let segment = sample.segment().and_then(|segment| segment.downcast_ref::<gst::ClockTime>());
-        let stream_time = |time| segment.map_or(Some(time), |segment| segment.to_stream_time(time));
-        let times = FrameTimes::of(buffer, stream_time, reference_nanos(buffer));
-        if let Err(error) = self.link.send(&ToWorker::Frame(times), &bytes) {
-            tracing::debug!(%error, "a frame is not handed to its worker");
-        }
-    }
-}
-
-/// Bytes of a picture that a worker decoded.
-struct SharedPicture {
-    pictures: Arc<Pictures>,
-    place: u32,
-    ticket: u32,
-    link: Arc<Link>,
-}
-
-impl AsRef<[u8]> for SharedPicture {
-    fn as_ref(&self) -> &[u8] {
-        self.pictures.place(self.place).unwrap_or_default()
-    }
-}
-
-impl Drop for SharedPicture {
-    fn drop(&mut self) {
-        self.link.release(self.ticket, self.pictures.room.place_bytes);
-    }
-}
-
-impl Remote {
+impl WorkerHandle {
     /// Has a worker begin with `work`.
     ///
     /// # Errors
@@ -212,12 +115,7 @@ impl Remote {
     pub(super) fn with_process(process: Process, work: Work, times: Times) -> Result<Self, Fault> {
         let end = || process.socket().try_clone().map_err(|error| not_started(&error));
         let sender = Sender::new(end()?, Some(SEND_TIME));
-        let link = Link {
-            sender: Mutex::new(sender),
-            released: Mutex::default(),
-            held_bytes: AtomicU64::new(0),
-            unfit: Mutex::default(),
-        };
+        let link = Link::new(sender);
         let (job, file, stream, encoded) = match work {
             Work::Frames => (Job::Frames, None, None, None),
             Work::File(file, encoded) => {
@@ -230,7 +128,7 @@ impl Remote {
         // Nothing but encoded frames has bytes behind it.
         let max_payload_bytes = if encoded.is_some() { MAX_PAYLOAD_BYTES } else { 0 };
         let receiver = Receiver::new(end()?, Files::Refused, max_payload_bytes);
-        let remote = Self {
+        let handle = Self {
             process,
             receiver,
             link: Arc::new(link),
@@ -238,18 +136,18 @@ impl Remote {
             stream,
             encoded,
             encoded_format: None,
-            rooms: HashMap::new(),
-            next_room: 0,
+            blocks: HashMap::new(),
+            next_block: 0,
             wanted_bytes: None,
             n_asked: 0,
             n_seeks: 0,
             n_sought: 0,
-            told: Told::default(),
+            reported: Reported::default(),
         };
         let begin = ToWorker::Begin(job, times);
-        let sent = lock(&remote.link.sender).send(&begin, &[], file.as_ref().map(File::as_fd));
+        let sent = lock(&handle.link.sender).send(&begin, &[], file.as_ref().map(File::as_fd));
         sent.map_err(|error| not_started(&error))?;
-        Ok(remote)
+        Ok(handle)
     }
 
     /// Returns what holds a worker of this machine, after starting one.
@@ -259,13 +157,13 @@ impl Remote {
     pub(in crate::media) fn look_at_sandbox() -> Result<Sandbox, Fault> {
         let process = Process::start().map_err(|error| not_started(&error))?;
         let work = Work::Stream(Box::new(std::io::empty()));
-        let mut remote = Self::with_process(process, work, Times::Played)?;
+        let mut handle = Self::with_process(process, work, Times::Played)?;
         for _ in 0..MAX_LOOKS {
-            drop(remote.pull(LOOK));
-            if let Some(sandbox) = remote.told.sandbox {
+            drop(handle.pull(LOOK));
+            if let Some(sandbox) = handle.reported.sandbox {
                 return Ok(sandbox);
             }
-            if let Some(fault) = remote.take_fault() {
+            if let Some(fault) = handle.take_fault() {
                 return Err(fault);
             }
         }
@@ -273,13 +171,13 @@ impl Remote {
     }
 
     /// Returns what takes a camera's frames.
-    pub(in crate::media) fn frames(&self) -> Frames {
-        Frames { link: Arc::clone(&self.link), format: Mutex::default() }
+    pub(in crate::media) fn frame_feed(&self) -> FrameFeed {
+        FrameFeed::new(&self.link)
     }
 
     /// Returns the next picture if one comes within `patience`.
     pub(in crate::media) fn pull(&mut self, patience: Duration) -> Option<Picture> {
-        if self.told.is_closed || self.told.has_ended {
+        if self.reported.is_closed || self.reported.has_ended {
             return None;
         }
         self.link.flush();
@@ -290,7 +188,7 @@ impl Remote {
             return self.close(reason.to_owned());
         }
         if let Some(reason) = lock(&self.link.unfit).take() {
-            self.told.fault.get_or_insert(Fault::Damaged(reason));
+            self.reported.fault.get_or_insert(Fault::Damaged(reason));
             return None;
         }
         let deadline = Deadline::after(patience);
@@ -298,7 +196,9 @@ impl Remote {
             match self.receiver.receive(deadline) {
                 Received::Message(message, payload) => match self.take(message, payload) {
                     Ok(Some(picture)) => return Some(picture),
-                    Ok(None) if self.told.has_ended || self.told.fault.is_some() || deadline.is_over() => {
+                    Ok(None)
+                        if self.reported.has_ended || self.reported.fault.is_some() || deadline.is_over() =>
+                    {
                         return None;
                     }
                     Ok(None) => {}
@@ -318,8 +218,8 @@ impl Remote {
     }
 
     fn close(&mut self, reason: String) -> Option<Picture> {
-        self.told.is_closed = true;
-        self.told.fault.get_or_insert(Fault::Worker(reason));
+        self.reported.is_closed = true;
+        self.reported.fault.get_or_insert(Fault::Worker(reason));
         None
     }
 
@@ -337,9 +237,9 @@ impl Remote {
     /// Does what a message says; a picture, if it is one. An error is a message that no worker sends that does its work.
     fn take(&mut self, message: FromWorker, payload: Vec<u8>) -> Result<Option<Picture>, &'static str> {
         match message {
-            FromWorker::Ready(sandbox) => self.told.sandbox = Some(sandbox),
+            FromWorker::Ready(sandbox) => self.reported.sandbox = Some(sandbox),
             FromWorker::NeedMemory(n_bytes) => self.give_memory(n_bytes)?,
-            FromWorker::Unmap(room) => drop(self.rooms.remove(&room)),
+            FromWorker::Unmap(block) => drop(self.blocks.remove(&block)),
             FromWorker::NeedBytes(most) => self.give_bytes(most)?,
             FromWorker::Format(format) => {
                 let caps = format.caps().filter(|_| Muxer::takes(format.codec()));
@@ -348,9 +248,9 @@ impl Remote {
             }
             FromWorker::Encoded(times) => self.record(times, payload),
             FromWorker::EncodedDropped(n_so_far) => {
-                let n_so_far = counted(n_so_far, self.told.n_encoded_dropped);
-                let n_more = n_so_far - self.told.n_encoded_dropped;
-                self.told.n_encoded_dropped = n_so_far;
+                let n_so_far = clamped_count(n_so_far, self.reported.n_encoded_dropped);
+                let n_more = n_so_far - self.reported.n_encoded_dropped;
+                self.reported.n_encoded_dropped = n_so_far;
                 if let Some(queue) = &self.encoded {
                     queue.drop_elsewhere(n_more);
                 }
@@ -361,8 +261,8 @@ impl Remote {
                 }
             }
             FromWorker::About(codec, duration_nanos) => {
-                self.told.codec = codec.map(cleaned);
-                self.told.duration_nanos = timed(duration_nanos).filter(|nanos| *nanos > 0);
+                self.reported.codec = codec.map(sanitised);
+                self.reported.duration_nanos = valid_time(duration_nanos).filter(|nanos| *nanos > 0);
             }
             FromWorker::Picture(head) => {
                 self.n_asked =
@@ -374,12 +274,12 @@ impl Remote {
                 self.ask();
             }
             FromWorker::Lost { n_damaged, n_replaced } => {
-                self.told.n_damaged = counted(n_damaged, self.told.n_damaged);
-                self.told.n_replaced = counted(n_replaced, self.told.n_replaced);
+                self.reported.n_damaged = clamped_count(n_damaged, self.reported.n_damaged);
+                self.reported.n_replaced = clamped_count(n_replaced, self.reported.n_replaced);
             }
             FromWorker::Sought(number) => self.n_sought = number,
-            FromWorker::Fault(fault) => self.told.fault = Some(cleaned_fault(fault)),
-            FromWorker::Ended => self.told.has_ended = self.n_sought == self.n_seeks,
+            FromWorker::Fault(fault) => self.reported.fault = Some(sanitised_fault(fault)),
+            FromWorker::Ended => self.reported.has_ended = self.n_sought == self.n_seeks,
         }
         Ok(None)
     }
@@ -388,21 +288,21 @@ impl Remote {
         if n_bytes == 0 || n_bytes > MAX_PICTURE_BYTES {
             return Err("it asked for memory for a picture beyond the limits");
         }
-        let had_bytes: u64 = self.rooms.values().map(|room| room.len_bytes()).sum();
+        let had_bytes: u64 = self.blocks.values().map(|block| block.len_bytes()).sum();
         let spare_bytes = had_bytes.saturating_sub(self.link.held_bytes.load(Ordering::Relaxed));
-        if spare_bytes >= (MAX_SPARE_PLACES * n_bytes).clamp(MIN_SPARE_BYTES, MAX_SPARE_BYTES) {
+        if spare_bytes >= (MAX_SPARE_SLOTS * n_bytes).clamp(MIN_SPARE_BYTES, MAX_SPARE_BYTES) {
             tracing::warn!(spare_bytes, "a decoding process wants more memory than its pictures take");
             self.answer(&ToWorker::NoMemory, None);
             return Ok(());
         }
-        match Pictures::make(self.next_room, n_bytes) {
+        match MappedBlock::make(self.next_block, n_bytes) {
             Ok((pictures, file)) => {
-                self.next_room = self.next_room.wrapping_add(1);
-                let room = pictures.room;
-                self.rooms.insert(room.id, Arc::new(pictures));
-                self.answer(&ToWorker::Memory(room), Some(&file));
+                self.next_block = self.next_block.wrapping_add(1);
+                let block = pictures.block;
+                self.blocks.insert(block.id, Arc::new(pictures));
+                self.answer(&ToWorker::Memory(block), Some(&file));
             }
-            Err(error) if !is_want(&error) => {
+            Err(error) if !is_shortage(&error) => {
                 tracing::error!(%error, "no memory for pictures can be made");
                 return Err("no memory for its pictures can be made");
             }
@@ -436,7 +336,9 @@ impl Remote {
                 ToWorker::Unreadable
             }
         };
-        drop(self.link.send(&answer, &bytes));
+        if let Err(error) = self.link.send(&answer, &bytes) {
+            tracing::debug!(%error, "a worker is not answered");
+        }
         Ok(())
     }
 
@@ -445,7 +347,7 @@ impl Remote {
             queue.push(EncodedFrame::from_bytes(
                 bytes,
                 Arc::clone(format),
-                [timed(times.stream_nanos), timed(times.interval_nanos)],
+                [valid_time(times.stream_nanos), valid_time(times.interval_nanos)],
                 times.build,
             ));
         }
@@ -456,14 +358,8 @@ impl Remote {
             return Err("it sent a picture beyond the limits");
         }
         let pictures =
-            self.rooms.get(&head.room).ok_or("it sent a picture in memory that it does not have")?;
-        self.link.held_bytes.fetch_add(pictures.room.place_bytes, Ordering::Relaxed);
-        let shared = SharedPicture {
-            pictures: Arc::clone(pictures),
-            place: head.place,
-            ticket: head.ticket,
-            link: Arc::clone(&self.link),
-        };
+            self.blocks.get(&head.block).ok_or("it sent a picture in memory that it does not have")?;
+        let shared = SharedPicture::new(pictures, head.slot, head.ticket, &self.link);
         let layout = YuvLayout {
             width: head.width,
             height: head.height,
@@ -480,9 +376,9 @@ impl Remote {
         let image = image.map_err(|_unfit| "it sent a picture that does not lie in its memory")?;
         Ok(Picture {
             image,
-            stream_nanos: timed(head.stream_nanos),
-            interval_nanos: timed(head.interval_nanos),
-            reference_nanos: timed(head.reference_nanos),
+            stream_nanos: valid_time(head.stream_nanos),
+            interval_nanos: valid_time(head.interval_nanos),
+            reference_nanos: valid_time(head.reference_nanos),
         })
     }
 
@@ -491,42 +387,42 @@ impl Remote {
         let number = self.n_seeks.wrapping_add(1);
         if self.link.send(&ToWorker::Seek(number, stream_nanos), &[]).is_ok() {
             self.n_seeks = number;
-            self.told.has_ended = false;
+            self.reported.has_ended = false;
         }
     }
 
     /// Returns what went wrong since the last call, if anything did.
     pub(in crate::media) const fn take_fault(&mut self) -> Option<Fault> {
-        self.told.fault.take()
+        self.reported.fault.take()
     }
 
     pub(in crate::media) const fn has_ended(&self) -> bool {
-        self.told.has_ended
+        self.reported.has_ended
     }
 
     pub(in crate::media) fn codec(&self) -> Option<String> {
-        self.told.codec.clone()
+        self.reported.codec.clone()
     }
 
     pub(in crate::media) const fn duration_nanos(&self) -> Option<i64> {
-        self.told.duration_nanos
+        self.reported.duration_nanos
     }
 
     pub(in crate::media) const fn n_damaged(&self) -> u64 {
-        self.told.n_damaged
+        self.reported.n_damaged
     }
 
     pub(in crate::media) const fn n_replaced(&self) -> u64 {
-        self.told.n_replaced
+        self.reported.n_replaced
     }
 
     /// Returns its process and what holds it, once it has said so.
     pub(in crate::media) fn decoding(&self) -> Option<Decoding> {
-        Some(Decoding { process_id: self.process.id(), sandbox: self.told.sandbox? })
+        Some(Decoding { process_id: self.process.id(), sandbox: self.reported.sandbox? })
     }
 }
 
-impl Drop for Remote {
+impl Drop for WorkerHandle {
     fn drop(&mut self) {
         // Threads that hand over frames do not wait for it any more.
         // Not by the sender, which a thread may have that waits.
@@ -544,17 +440,17 @@ const MAX_NANOS: i64 = 1 << 61;
 const MAX_CHUNK_BYTES: usize = 1 << 20;
 
 /// Returns true where memory or descriptors are wanting, of which others may give some back.
-fn is_want(error: &std::io::Error) -> bool {
+fn is_shortage(error: &std::io::Error) -> bool {
     matches!(error.raw_os_error(), Some(libc::EMFILE | libc::ENFILE | libc::ENOMEM))
 }
 
 /// Returns a count that a worker tells, which only grows.
-fn counted(told: u64, before: u64) -> u64 {
-    told.clamp(before, MAX_COUNT.max(before))
+fn clamped_count(reported: u64, before: u64) -> u64 {
+    reported.clamp(before, MAX_COUNT.max(before))
 }
 
 /// Returns a time that a worker tells, where it is one.
-fn timed(nanos: Option<i64>) -> Option<i64> {
+fn valid_time(nanos: Option<i64>) -> Option<i64> {
     nanos.filter(|nanos| (0..=MAX_NANOS).contains(nanos))
 }
 
@@ -563,23 +459,23 @@ fn not_started(error: &std::io::Error) -> Fault {
 }
 
 /// Returns a text of a worker without what it should not hold.
-fn cleaned(text: String) -> String {
+fn sanitised(text: String) -> String {
     text.chars().take(MAX_LETTERS).filter(|letter| !letter.is_control()).collect()
 }
 
-fn cleaned_fault(fault: Fault) -> Fault {
+fn sanitised_fault(fault: Fault) -> Fault {
     match fault {
-        Fault::NotVideo(detail) => Fault::NotVideo(cleaned(detail)),
+        Fault::NotVideo(detail) => Fault::NotVideo(sanitised(detail)),
         Fault::MissingCodec { codec, package } => {
-            Fault::MissingCodec { codec: cleaned(codec), package: cleaned(package.into_owned()).into() }
+            Fault::MissingCodec { codec: sanitised(codec), package: sanitised(package.into_owned()).into() }
         }
         Fault::Refused { format, allowed } => {
-            Fault::Refused { format: cleaned(format), allowed: cleaned(allowed) }
+            Fault::Refused { format: sanitised(format), allowed: sanitised(allowed) }
         }
-        Fault::Damaged(detail) => Fault::Damaged(cleaned(detail)),
-        Fault::Worker(detail) => Fault::Worker(cleaned(detail)),
+        Fault::Damaged(detail) => Fault::Damaged(sanitised(detail)),
+        Fault::Worker(detail) => Fault::Worker(sanitised(detail)),
         Fault::Gstreamer { action, detail } => {
-            Fault::Gstreamer { action: cleaned(action.into_owned()).into(), detail: cleaned(detail) }
+            Fault::Gstreamer { action: sanitised(action.into_owned()).into(), detail: sanitised(detail) }
         }
         Fault::Connection(_) => Fault::Worker("it told of a connection that it does not have".to_owned()),
         fault @ Fault::TooLarge { .. } => fault,

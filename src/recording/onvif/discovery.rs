@@ -17,7 +17,7 @@ pub struct Device {
     /// Its device service at each address from which it answered, the one that was asked first.
     pub services: Vec<CameraUrl>,
     /// Its device service as it tells it, where that is at other hosts.
-    pub told_services: Vec<CameraUrl>,
+    pub reported_services: Vec<CameraUrl>,
     /// Address of its endpoint, where it answered a probe.
     pub endpoint: Option<String>,
     /// Its name, where it tells one.
@@ -26,11 +26,11 @@ pub struct Device {
     pub maker: Option<String>,
     /// Its model, where it tells one.
     pub model: Option<String>,
-    /// How far its clock is off, where it tells UTC.
+    /// Offset of its clock, where it tells UTC.
     pub clock: Option<ClockOffset>,
     /// Its streams, in its own order.
     pub streams: Vec<DeviceStream>,
-    /// Why no more is known.
+    /// Reason for which no more is known.
     pub problem: Option<String>,
 }
 
@@ -47,11 +47,11 @@ pub struct Discovery {
 
 impl Device {
     fn of(found: FoundDevice, report: DeviceReport) -> Self {
-        let FoundDevice { endpoint, name, model, services, told_services } = found;
+        let FoundDevice { endpoint, name, model, services, reported_services } = found;
         let DeviceReport { maker, model: told_model, clock, streams, problem } = report;
         Self {
             services,
-            told_services,
+            reported_services,
             endpoint: Some(endpoint),
             name,
             maker,
@@ -97,7 +97,7 @@ pub fn ask_device(
         Some(problem) if !is_known => Err(problem),
         problem => Ok(Device {
             services: vec![url.clone()],
-            told_services: Vec::new(),
+            reported_services: Vec::new(),
             endpoint: None,
             name: None,
             maker,
