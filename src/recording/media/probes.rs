@@ -16,6 +16,9 @@ use std::sync::{Arc, Mutex, PoisonError};
 /// Frames with headers that cannot be read, of which a stream may begin with so many; one that has nothing else gives no picture.
 const MAX_UNREADABLE: u64 = 50;
 
+/// The size, in bytes, up to which a buffer may be a placeholder for a frame.
+const LARGEST_PLACEHOLDER_BYTES: usize = 16;
+
 /// Counts the frames that go into a pipeline's first decoder of pictures and are to be seen.
 pub(super) fn count_entries(element: &gst::Element, n_entered: &Arc<AtomicU64>) {
     // The pipeline and who asks it hold one each; the probe of one that counts already is a third.
@@ -24,13 +27,29 @@ pub(super) fn count_entries(element: &gst::Element, n_entered: &Arc<AtomicU64>) 
         return;
     };
     let n_entered = Arc::clone(n_entered);
-    pad.add_probe(gst::PadProbeType::BUFFER, move |_pad, info| {
-        let is_seen = |buffer: &gst::Buffer| !buffer.flags().contains(gst::BufferFlags::DECODE_ONLY);
+    pad.add_probe(gst::PadProbeType::BUFFER, move |pad, info| {
+        let is_seen = |buffer: &gst::Buffer| {
+            let is_small_frame = || {
+                let caps = pad.current_caps();
+                let kind = caps.as_ref().and_then(|caps| caps.structure(0)).map(gst::StructureRef::name);
+                let kind = kind.map_or("", |kind| kind.as_str());
+                buffer.map_readable().is_ok_and(|bytes| !is_placeholder(kind, &bytes))
+            };
+            !buffer.flags().contains(gst::BufferFlags::DECODE_ONLY)
+                && (buffer.size() > LARGEST_PLACEHOLDER_BYTES || is_small_frame())
+        };
         if info.buffer().is_some_and(is_seen) {
             n_entered.fetch_add(1, Ordering::Relaxed);
         }
         gst::PadProbeReturn::Ok
     });
+}
+
+/// Returns true for a small buffer that stands in a file of this `kind` of video where there is no frame: an empty one for a
+/// dropped frame, or the byte that follows two MPEG-4 frames packed into one buffer (`DivX` and Xvid write AVI files so).
+fn is_placeholder(kind: &str, bytes: &[u8]) -> bool {
+    let has_start_code = || bytes.windows(3).any(|window| window == [0, 0, 1]);
+    bytes.is_empty() || (kind == "video/mpeg" && !has_start_code())
 }
 
 /// Lets the decoder of a live input leave out what it cannot decode, however much that is, and keeps from it broken JPEG
@@ -152,4 +171,18 @@ pub(super) fn refuse_large_pictures(element: &gst::Element, faults: &SyncSender<
             || is_unreadable.load(Ordering::Relaxed);
         if is_kept { take_away(info) } else { gst::PadProbeReturn::Ok }
     });
+}
+
+#[cfg(test)]
+mod tests {
+    use super::is_placeholder;
+
+    #[test]
+    fn placeholders_of_files_are_told_from_small_frames() {
+        let not_coded = [0, 0, 1, 0xb6, 0x50, 0x7f];
+        assert!(is_placeholder("video/mpeg", &[0x7f]) && is_placeholder("video/mpeg", &[0; 8]));
+        assert!(!is_placeholder("video/mpeg", &not_coded), "a repeated frame of MPEG-4");
+        assert!(!is_placeholder("video/x-vp9", &[0x80]), "a frame that is shown again");
+        assert!(is_placeholder("video/x-vp8", &[]));
+    }
 }

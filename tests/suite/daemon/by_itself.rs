@@ -25,30 +25,33 @@ fn what_is_kept_by_schedule_is_masked_and_blurred_and_stands_in_the_audit_log() 
     let daemon = Daemon::start(&config);
     daemon.wait_until_live(&["north"]);
 
+    // A snapshot's entry is written once the snapshot is there.
     let clock = SystemClock::new();
-    let kept = loop {
-        let kept = daemon.json("/api/v1/snapshots");
-        let kept = kept["snapshots"].as_array().unwrap().clone();
-        if kept.len() >= 2 {
-            break kept;
+    let (entries, kept) = loop {
+        let entries = daemon.json("/api/v1/audit?limit=1000")["entries"].as_array().unwrap().clone();
+        let is_noted = |people: &str| {
+            let ending = format!("&people={people}");
+            entries.iter().any(|entry| entry["target"].as_str().unwrap().ends_with(&ending))
+        };
+        if is_noted("seen") && is_noted("blurred") {
+            break (entries, daemon.json("/api/v1/snapshots")["snapshots"].as_array().unwrap().clone());
         }
-        assert!(clock.monotonic() < PATIENCE, "{kept:?}");
+        assert!(clock.monotonic() < PATIENCE, "{entries:?}");
         clock.sleep(Duration::from_millis(250));
     };
-    let entries = daemon.json("/api/v1/audit?limit=1000");
-    let noted: Vec<(&str, &str)> = entries["entries"]
-        .as_array()
-        .unwrap()
+    let noted: Vec<(&str, &str)> = entries
         .iter()
         .map(|entry| (entry["action"].as_str().unwrap(), entry["target"].as_str().unwrap()))
         .collect();
     let zones = ("privacy zones of the configuration", "/api/v1/cameras/north/privacy#zones=1&version=1");
     assert!(noted.contains(&zones), "{noted:?}");
     for (name, people) in [("seen", "seen"), ("blurred", "blurred")] {
-        let one = kept.iter().find(|of| of["schedule"] == name).unwrap_or_else(|| panic!("{name}: {kept:?}"));
-        let id = one["id"].as_str().unwrap();
-        let target = format!("/api/v1/snapshots#snapshot={id}&schedule={name}&people={people}");
-        assert!(noted.contains(&("snapshot by schedule", &target)), "{target}: {noted:?}");
+        let is_noted = |id: &str| {
+            let target = format!("/api/v1/snapshots#snapshot={id}&schedule={name}&people={people}");
+            noted.contains(&("snapshot by schedule", &target))
+        };
+        let ids = kept.iter().filter(|of| of["schedule"] == name).map(|of| of["id"].as_str().unwrap());
+        let id = { ids }.find(|id| is_noted(id)).unwrap_or_else(|| panic!("{name}: {kept:?} {noted:?}"));
         let record = daemon.json(&format!("/api/v1/snapshots/{id}/record.json"));
         assert_eq!(record["people"]["blurred"], json!(name == "blurred"), "{record}");
         let picture = daemon.get(&format!("/api/v1/snapshots/{id}/picture.png")).body;
