@@ -2,7 +2,10 @@
 
 #![expect(clippy::unwrap_used, reason = "a test that cannot go on fails where it stands")]
 
-use rcgen::{CertifiedKey, KeyPair, generate_simple_self_signed};
+use rcgen::{
+    BasicConstraints, CertificateParams, CertifiedKey, IsCa, KeyPair, date_time_ymd,
+    generate_simple_self_signed,
+};
 use rustls::pki_types::pem::PemObject;
 use rustls::pki_types::{CertificateDer, PrivateKeyDer, ServerName};
 use rustls::{ClientConfig, ClientConnection, RootCertStore, ServerConfig, StreamOwned};
@@ -12,6 +15,10 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Duration;
 use tempfile::TempDir;
+
+/// File names of a certificate and its key.
+const CERTIFICATE: &str = "site.pem";
+const PRIVATE_KEY: &str = "site.key";
 
 /// The files of a certificate and its key.
 pub struct Files {
@@ -33,12 +40,12 @@ impl Files {
 
     /// Returns the path of the certificate.
     pub fn certificate(&self) -> PathBuf {
-        self.folder.path().join("site.pem")
+        self.folder.path().join(CERTIFICATE)
     }
 
     /// Returns the path of the private key.
     pub fn private_key(&self) -> PathBuf {
-        self.folder.path().join("site.key")
+        self.folder.path().join(PRIVATE_KEY)
     }
 
     /// Another certificate with another key in their place.
@@ -48,6 +55,20 @@ impl Files {
         std::fs::write(self.private_key(), made.signing_key.serialize_pem()).unwrap();
         made
     }
+}
+
+/// Writes a new certificate that is an authority's own (`CA:TRUE`) into `folder`, named as [`Files`] has them: for the server `name`,
+/// and valid until the first day of `end_year`.
+pub fn write_authority(folder: &Path, name: &str, end_year: i32) {
+    let signing_key = KeyPair::generate().unwrap();
+    let mut parameters = CertificateParams::new([name.to_owned()]).unwrap();
+    parameters.is_ca = IsCa::Ca(BasicConstraints::Unconstrained);
+    parameters.not_before = date_time_ymd(2010, 1, 1);
+    parameters.not_after = date_time_ymd(end_year, 1, 1);
+    let certificate = parameters.self_signed(&signing_key).unwrap();
+    std::fs::create_dir_all(folder).unwrap();
+    std::fs::write(folder.join(CERTIFICATE), certificate.pem()).unwrap();
+    std::fs::write(folder.join(PRIVATE_KEY), signing_key.serialize_pem()).unwrap();
 }
 
 /// Returns how a server proves its name by the certificate and the key in these files.
