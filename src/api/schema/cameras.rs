@@ -49,6 +49,7 @@ fn camera() -> Value {
             boolean(),
             "Whether system calls that it does not need, those of networks among them, are refused",
         ),
+        ("cgroup", boolean(), "Whether a control group limits its processor time and memory"),
     ]);
     let privacy = object([
         ("zones", count(), "How many hide something"),

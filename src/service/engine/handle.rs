@@ -132,15 +132,18 @@ pub struct DecodingSummary {
     pub landlock: Option<u8>,
     /// True where system calls that decoding does not need, those of networks among them, are refused.
     pub seccomp: bool,
+    /// True where a control group limits processor time and memory.
+    pub cgroup: bool,
 }
 
 impl From<Decoding> for DecodingSummary {
-    fn from(Decoding { process_id, sandbox }: Decoding) -> Self {
+    fn from(Decoding { process_id, sandbox, has_control_group }: Decoding) -> Self {
         Self {
             process_id,
             limits: sandbox.has_limits,
             landlock: sandbox.landlock_abi,
             seccomp: sandbox.has_seccomp,
+            cgroup: has_control_group,
         }
     }
 }

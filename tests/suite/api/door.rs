@@ -126,6 +126,7 @@ fn summary(camera: &str, state: &str, reason: Option<&str>) -> CameraSummary {
             limits: true,
             landlock: Some(7),
             seccomp: true,
+            cgroup: false,
         }),
         size_px: Some([6, 4]),
         vision_size_px: Some([3, 2]),

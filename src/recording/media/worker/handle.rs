@@ -418,7 +418,8 @@ impl WorkerHandle {
 
     /// Returns its process and what holds it, once it has said so.
     pub(in crate::media) fn decoding(&self) -> Option<Decoding> {
-        Some(Decoding { process_id: self.process.id(), sandbox: self.reported.sandbox? })
+        let (process_id, has_control_group) = (self.process.id(), self.process.has_control_group());
+        Some(Decoding { process_id, sandbox: self.reported.sandbox?, has_control_group })
     }
 }
 

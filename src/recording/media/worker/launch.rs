@@ -1,5 +1,6 @@
 //! Starts workers: the same program once more, with a socket for its standard input and nothing else of the daemon's.
 
+use super::group::{self, Group};
 use super::serve::serve;
 use std::ffi::OsStr;
 use std::fs::File;
@@ -78,6 +79,8 @@ pub(super) struct Process {
     child: Child,
     socket: OwnedFd,
     said: File,
+    /// Is dropped once the child has ended.
+    group: Option<Group>,
 }
 
 impl Process {
@@ -128,6 +131,7 @@ impl Process {
             let is_of_gstreamer = name.starts_with("GST_") && !name.starts_with("GST_DEBUG_");
             KEPT_VARIABLES.contains(&name.as_ref()) || is_of_gstreamer
         };
+        let groups = group::root();
         let child = Command::new("/proc/self/exe")
             .arg0(NAME)
             .arg(ARGUMENT)
@@ -141,7 +145,8 @@ impl Process {
             .stdout(Stdio::null())
             .stderr(says)
             .spawn()?;
-        Ok(Self { child, socket: ours, said: File::from(said) })
+        let group = groups.and_then(|root| root.confine(child.id()));
+        Ok(Self { child, socket: ours, said: File::from(said), group })
     }
 
     /// Returns the daemon's end of the socket.
@@ -153,7 +158,12 @@ impl Process {
     #[cfg(any(test, feature = "fuzzing"))]
     pub(super) fn of_command(program: &str, socket: OwnedFd) -> Self {
         let child = Command::new(program).arg("60").spawn().expect("the program is there");
-        Self { child, socket, said: File::open("/dev/null").expect("a file is there") }
+        Self { child, socket, said: File::open("/dev/null").expect("a file is there"), group: None }
+    }
+
+    /// Returns true where a control group limits it.
+    pub(super) const fn has_control_group(&self) -> bool {
+        self.group.is_some()
     }
 
     /// Returns the number of its process.

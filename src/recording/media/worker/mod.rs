@@ -8,6 +8,7 @@
 mod allocator;
 mod channel;
 mod format;
+mod group;
 mod handle;
 mod launch;
 mod link;

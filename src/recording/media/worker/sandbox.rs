@@ -14,7 +14,7 @@ use std::os::fd::BorrowedFd;
 use std::path::{Path, PathBuf};
 
 /// Most bytes of its own that a worker may have: decoders of the largest pictures that are allowed keep some twenty of them.
-const MAX_DATA_BYTES: u64 = 2 << 30;
+pub(super) const MAX_DATA_BYTES: u64 = 2 << 30;
 
 /// Most bytes of addresses, where libraries and the daemon's memory count too.
 const MAX_ADDRESS_BYTES: u64 = 32 << 30;
@@ -43,6 +43,8 @@ pub struct Decoding {
     pub process_id: u32,
     /// Parts of the sandbox that hold it.
     pub sandbox: Sandbox,
+    /// True where a control group limits its processor time and memory.
+    pub has_control_group: bool,
 }
 
 /// Confines this process, which has one thread, for good. It may still read `file`.

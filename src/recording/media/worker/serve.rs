@@ -224,7 +224,7 @@ impl Runner {
                 ToWorker::Unreadable => self.answer(None),
                 ToWorker::Take => self.shared.change_requests(|requests| requests.n_pictures += 1),
                 ToWorker::Seek(number, nanos) => {
-                    self.shared.change_requests(|requests| requests.seek = Some((number, nanos)))
+                    self.shared.change_requests(|requests| requests.seek = Some((number, nanos)));
                 }
                 ToWorker::Release(ticket) => drop(lock(&self.shared.held).remove(&ticket)),
             }
@@ -253,10 +253,10 @@ impl Runner {
     }
 
     fn answer(&self, bytes: Option<Vec<u8>>) {
-        if let Some(bytes_sender) = &self.bytes {
-            if bytes_sender.try_send(bytes).is_err() {
-                tracing::trace!("nobody waits for these bytes any more");
-            }
+        if let Some(bytes_sender) = &self.bytes
+            && bytes_sender.try_send(bytes).is_err()
+        {
+            tracing::trace!("nobody waits for these bytes any more");
         }
     }
 }
