@@ -83,6 +83,7 @@ pub(super) fn link_video(
         end = put_before("videoflip", &end, pipeline).map_err(fails)?;
         end.set_property_from_str("video-direction", "auto");
     }
+    end = put_square_pixels_before(&end, pipeline).map_err(fails)?;
     if structure.get::<&str>("format") != Ok("I420") {
         end = add_converter(pipeline, &end, structure).map_err(fails)?;
     }
@@ -101,6 +102,46 @@ pub(super) fn turns_pictures(event: &gst::EventRef) -> bool {
         .tag()
         .get::<gst::tags::ImageOrientation>()
         .is_some_and(|orientation| orientation.get() != "rotate-0")
+}
+
+/// Puts a scaler in front of `next` that makes pixels square: pictures of another shape are stretched along the side that grows, so
+/// that no detail is lost, and others go through untouched. Neither the shape nor the size of a stream's pixels has to stay.
+fn put_square_pixels_before(
+    next: &gst::Element,
+    pipeline: &gst::Pipeline,
+) -> Result<gst::Element, glib::BoolError> {
+    let filter = put_before("capsfilter", next, pipeline)?;
+    let scale = put_before("videoscale", &filter, pipeline)?;
+    if let Some(pad) = scale.static_pad("sink") {
+        pad.add_probe(gst::PadProbeType::EVENT_DOWNSTREAM, move |_pad, info| {
+            let Some(event) = info.event() else { return gst::PadProbeReturn::Ok };
+            let gst::EventView::Caps(event) = event.view() else { return gst::PadProbeReturn::Ok };
+            let size = event.caps().structure(0).and_then(|format| {
+                let shape = format.get::<gst::Fraction>("pixel-aspect-ratio").ok()?;
+                square_size(size_of_format(format)?, (shape.numer(), shape.denom()))
+            });
+            let caps = size.map_or_else(gst::Caps::new_any, |(width, height)| {
+                let caps =
+                    gst::Caps::builder("video/x-raw").field("pixel-aspect-ratio", gst::Fraction::new(1, 1));
+                caps.field("width", width as i32).field("height", height as i32).build()
+            });
+            filter.set_property("caps", caps);
+            gst::PadProbeReturn::Ok
+        });
+    }
+    Ok(scale)
+}
+
+/// Returns the size, in pixels, of a picture of `size` pixels each `shape.0 / shape.1` times as wide as high (the sample aspect
+/// ratio) once its pixels are square; nothing where they are so already, to the hundredth, and where the ratio is none that cameras
+/// send: beyond 4 or a fourth, or such that the picture would be larger than any may be.
+fn square_size((width, height): (u32, u32), shape: (i32, i32)) -> Option<(u32, u32)> {
+    let ratio = f64::from(shape.0) / f64::from(shape.1);
+    let is_stretched = (0.25..=4.0).contains(&ratio) && (ratio.max(1.0 / ratio) > 1.01);
+    let longer = |side: u32, ratio: f64| (f64::from(side) * ratio).round() as u32;
+    let size =
+        if ratio > 1.0 { (longer(width, ratio), height) } else { (width, longer(height, 1.0 / ratio)) };
+    (is_stretched && !is_too_large(size)).then_some(size)
 }
 
 /// Puts a new element in front of `next`.
@@ -181,4 +222,34 @@ fn loses_frames(factory: &gst::ElementFactory, caps: &gst::Caps) -> bool {
 
 fn is_beside_video(kind: &str) -> bool {
     ["audio/", "text/", "subpicture/", "closedcaption/"].iter().any(|prefix| kind.starts_with(prefix))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::square_size;
+
+    #[test]
+    fn pixels_become_square_along_the_side_that_grows() {
+        let cases = [
+            ((720, 576), (16, 15), Some((768, 576))),
+            ((720, 576), (64, 45), Some((1024, 576))),
+            ((720, 480), (8, 9), Some((720, 540))),
+            ((352, 288), (12, 11), Some((384, 288))),
+            ((640, 480), (1, 1), None),
+            // As encoders round.
+            ((1920, 1080), (135, 136), None),
+            ((4096, 4096), (4, 1), None),
+            ((8192, 64), (2, 1), None),
+            ((640, 480), (1000, 1), None),
+            ((640, 480), (1, 5), None),
+            ((640, 480), (0, 1), None),
+            ((640, 480), (1, 0), None),
+            ((640, 480), (0, 0), None),
+            ((640, 480), (-4, 3), None),
+            ((640, 480), (i32::MAX, i32::MIN), None),
+        ];
+        for (size, shape, expected) in cases {
+            assert_eq!(square_size(size, shape), expected, "{size:?} {shape:?}");
+        }
+    }
 }

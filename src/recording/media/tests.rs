@@ -227,3 +227,36 @@ fn pictures_that_are_to_be_turned_are_turned_and_recorded_so() {
         assert_eq!((queue.wants_pictures(), queue.take().is_none()), (is_turned, is_turned), "{orientation}");
     }
 }
+
+/// So do cameras of analogue sizes, and some whose stream is narrower than their sensor.
+#[test]
+fn pictures_of_pixels_that_are_not_square_are_stretched_also_when_that_begins_in_mid_stream() {
+    gst::init().unwrap();
+    let folder = tempfile::tempdir().unwrap();
+    let write = |name: &str, shape: &str| {
+        let path = folder.path().join(name);
+        run(&gst::parse::launch(&format!(
+            "videotestsrc num-buffers=5 pattern=smpte ! \
+             video/x-raw,format=I420,width=180,height=144,framerate=10/1,pixel-aspect-ratio={shape} ! \
+             x264enc tune=zerolatency ! video/x-h264,stream-format=byte-stream ! filesink location={}",
+            path.display()
+        ))
+        .unwrap());
+        std::fs::read(path).unwrap()
+    };
+    let (square, wide) = (write("square.h264", "1/1"), write("wide.h264", "16/15"));
+    let path = folder.path().join("both.h264");
+    std::fs::write(&path, [square, wide].concat()).unwrap();
+    let queue = Arc::new(EncodedQueue::new(1 << 20));
+    let mut decoder = Decoder::start(Input::file(&path).unwrap(), Some(&queue)).unwrap();
+    for expected in [[(180, 144); 5], [(192, 144); 5]].concat() {
+        let picture = decoder.pull(Duration::from_secs(10)).unwrap();
+        assert_eq!((picture.image.width(), picture.image.height()), expected);
+        // The last of seven bars is dark: it begins where it did, by its part of the width.
+        let luma = picture.image.plane(0);
+        let first_dark = luma.row(20).iter().rposition(|value| *value > 60).unwrap();
+        let part = first_dark as f64 / luma.row(20).len() as f64;
+        assert!((part - 6.0 / 7.0).abs() < 0.02, "{part}");
+    }
+    assert!(!queue.wants_pictures(), "the stream itself says how its pixels are shaped");
+}

@@ -8,7 +8,7 @@ use videofields_recording::media::{Codec, decoded_codecs, look_at_sandbox, missi
 use videofields_vision::config::{CameraSettings, Config, Place};
 
 /// What every camera is decoded with.
-const ALWAYS: [&str; 5] = ["decodebin", "videoconvert", "videoflip", "appsink", "capsfilter"];
+const ALWAYS: [&str; 6] = ["decodebin", "videoconvert", "videoscale", "videoflip", "appsink", "capsfilter"];
 
 /// What recordings are made and read with.
 const RECORDED: [&str; 7] =
