@@ -13,7 +13,7 @@ use std::time::Duration;
 use videofields_recording::ingest::{
     self, CameraState, CameraStatus, CameraWorker, FrameConsumer, MediaRoots, Polled,
 };
-use videofields_recording::media::{Decoder, EncodedQueue, Input, Muxer, Peer};
+use videofields_recording::media::{Decoder, EncodedFrame, EncodedQueue, Input, Muxer, Peer};
 use videofields_recording::telemetry::DropReason;
 use videofields_testing::rtsp::{RtspServer, ball, jpeg_ball};
 use videofields_testing::wait_for;

@@ -58,6 +58,8 @@ pub struct Oddities {
     pub garbage: Option<(usize, &'static [u8])>,
     /// Number of packets of which one lacks its last byte.
     pub cut_each: Option<usize>,
+    /// Ends each connection after so many pictures.
+    pub ends_after: Option<usize>,
     /// Ends its lines with LF alone.
     pub has_bare_lines: bool,
     /// Description of its streams in place of H.264.
@@ -303,6 +305,9 @@ impl Player {
     fn play(&mut self, connection: &mut Connection, now: Duration) -> std::io::Result<()> {
         let packets = Arc::clone(&connection.packets);
         while self.due <= now {
+            if connection.oddities.ends_after == Some(self.next) {
+                return Err(std::io::ErrorKind::ConnectionReset.into());
+            }
             let picture = self.next % (2 * GROUP);
             for (_, packet) in packets.iter().filter(|(of, _)| *of == picture) {
                 self.send(connection, packet.clone())?;

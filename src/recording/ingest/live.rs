@@ -15,6 +15,9 @@ use videofields_vision::clock::Timestamp;
 /// How long one look for a frame lasts; the stop flag is heeded between looks.
 const LOOK: Duration = Duration::from_millis(100);
 
+/// Most looks for a frame once a connection has ended: packets wait to be put in order for as long as one, then frames are parted.
+const MAX_DRAINING_LOOKS: u32 = 5;
+
 /// How long who asks for the next frame waits for it, seconds.
 const SILENCE_SECS: u64 = 10;
 
@@ -32,6 +35,17 @@ pub(super) struct LiveSource {
     latest_nanos: i64,
     /// Between two pictures, as the stream promises it.
     interval_nanos: Option<i64>,
+    end: End,
+}
+
+/// State of a connection's end.
+enum End {
+    /// The connection goes on.
+    Open,
+    /// It has ended so, and what came before is still on its way, for so many looks at most.
+    Draining(Fault, u32),
+    /// Nothing more comes.
+    Over,
 }
 
 impl LiveSource {
@@ -50,7 +64,15 @@ impl LiveSource {
             first_nanos: None,
             latest_nanos: 0,
             interval_nanos: None,
+            end: End::Open,
         })
+    }
+
+    /// Takes over the encoded frames that have come.
+    fn read_encoded(&mut self) {
+        while let Some(frame) = self.encoded.as_ref().and_then(|encoded| encoded.take()) {
+            self.pairing.push_frame(frame);
+        }
     }
 
     /// Nanoseconds between two pictures, where the stream says so.
@@ -63,19 +85,24 @@ impl LiveSource {
         self.decoder.codec()
     }
 
-    /// The next picture's frame. Stream time grows whatever the camera says.
+    /// Returns the next picture's frame. Stream time grows whatever the camera says.
     fn frame(&mut self, picture: Picture) -> SourceFrame {
+        self.read_encoded();
         if let Some(queue) = self.encoded.as_ref().filter(|queue| queue.wants_pictures()) {
             push_as_jpeg(queue, &picture);
         }
         self.interval_nanos = picture.interval_nanos.filter(|nanos| *nanos > 0);
-        let least_nanos = if self.next_number == 0 { 0 } else { self.latest_nanos + 1 };
+        let is_first = self.next_number == 0;
+        let least_nanos = if is_first { 0 } else { self.latest_nanos + 1 };
         let stream_nanos = picture.stream_nanos.map_or(least_nanos, |nanos| {
-            let told = self.first_nanos.map(|first| nanos.saturating_sub(first));
-            // Time that steps back goes on from where it stands.
-            told.filter(|told| *told >= least_nanos).unwrap_or_else(|| {
-                self.first_nanos = Some(nanos.saturating_sub(least_nanos));
-                least_nanos
+            let own = self.first_nanos.map(|first| nanos.saturating_sub(first));
+            own.filter(|own| *own >= least_nanos).unwrap_or_else(|| {
+                // Time that steps back goes on from where it stands, with room for the frames whose pictures were replaced.
+                let interval_nanos = self.interval_nanos.filter(|_| !is_first).unwrap_or(0);
+                let n_before = self.pairing.waiting_nanos(nanos).filter(|_| !is_first).unwrap_or(0);
+                let next_nanos = least_nanos.saturating_add(n_before).saturating_add(interval_nanos);
+                self.first_nanos = Some(nanos.saturating_sub(next_nanos));
+                next_nanos
             })
         });
         self.latest_nanos = stream_nanos;
@@ -99,25 +126,41 @@ impl Source for LiveSource {
 
     fn poll(&mut self) -> Result<Polled, IngestError> {
         if self.stop.is_raised() {
+            self.end = End::Over;
             return Err(IngestError::Stopped);
         }
         if let Some(picture) = self.decoder.pull(LOOK) {
             return Ok(Polled::Frame(self.frame(picture)));
         }
-        if let Some(fault) = self.decoder.fault() {
-            return Err(IngestError::of_fault(&self.place, fault));
-        }
-        if self.decoder.has_ended() {
-            return Err(IngestError::of_fault(&self.place, Fault::Connection(ConnectionFault::Closed)));
+        match (std::mem::replace(&mut self.end, End::Over), self.decoder.fault()) {
+            (End::Open, Some(fault @ Fault::Connection(_))) => {
+                self.end = End::Draining(fault, MAX_DRAINING_LOOKS);
+            }
+            (End::Draining(fault, n_looks @ 1..), None)
+                if self.next_number == 0 || !self.decoder.has_handed_over_all() =>
+            {
+                self.end = End::Draining(fault, n_looks - 1);
+            }
+            (End::Open, None) if self.decoder.has_ended() => {
+                return Err(IngestError::of_fault(&self.place, Fault::Connection(ConnectionFault::Closed)));
+            }
+            (End::Open, None) => self.end = End::Open,
+            (End::Draining(fault, _), _) | (_, Some(fault)) => {
+                return Err(IngestError::of_fault(&self.place, fault));
+            }
+            (End::Over, None) => return Err(IngestError::Stopped),
         }
         Ok(Polled::Waiting)
     }
 
     fn take_encoded(&mut self) -> Option<EncodedFrame> {
-        while let Some(frame) = self.encoded.as_ref()?.take() {
-            self.pairing.push_frame(frame);
+        self.read_encoded();
+        // Of the last frames no pictures may come.
+        if matches!(self.end, End::Over) || self.stop.is_raised() {
+            self.pairing.take_anyway()
+        } else {
+            self.pairing.take()
         }
-        self.pairing.take()
     }
 
     fn n_encoded_dropped(&self) -> u64 {

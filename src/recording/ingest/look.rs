@@ -15,8 +15,12 @@ use videofields_vision::frame::YuvImage;
 
 const NANOS_PER_SEC: f64 = 1e9;
 
-/// How often a live source is polled for its second frame, which tells how fast they come where it does not say: for two seconds.
-const LOOKS_FOR_SECOND: u32 = 20;
+/// How often a live source is polled for the frames behind its first, which tell how fast they come where it does not say: for two
+/// seconds.
+const LOOKS_FOR_INTERVALS: u32 = 20;
+
+/// Most intervals between frames that are measured.
+const MAX_INTERVALS: usize = 7;
 
 /// What a source shows.
 #[derive(Clone, Debug)]
@@ -125,6 +129,26 @@ fn of_file(path: &Path, at_secs: f64, (roots, stop): (&MediaRoots, &StopFlag)) -
     })
 }
 
+/// Returns the middle one of the first intervals between a live source's pictures. While their decoder is started some pictures are
+/// replaced, and others come at once.
+fn middle_interval(source: &mut LiveSource, mut latest_nanos: i64) -> Option<i64> {
+    let mut intervals = Vec::with_capacity(MAX_INTERVALS);
+    for _ in 0..LOOKS_FOR_INTERVALS {
+        match source.poll() {
+            Ok(Polled::Frame(next)) => intervals.push(next.stream_nanos - latest_nanos),
+            Ok(Polled::Waiting) => continue,
+            // The first picture of a source that fails now is good all the same.
+            _ => break,
+        }
+        latest_nanos += intervals.last().copied().unwrap_or(0);
+        if intervals.len() == MAX_INTERVALS {
+            break;
+        }
+    }
+    intervals.sort_unstable();
+    intervals.get(intervals.len() / 2).copied().filter(|nanos| *nanos > 0)
+}
+
 fn of_live(mut source: LiveSource) -> Result<Look, IngestError> {
     let first = loop {
         match source.poll()? {
@@ -133,15 +157,7 @@ fn of_live(mut source: LiveSource) -> Result<Look, IngestError> {
             Polled::Ended => return Err(IngestError::Empty { path: source.place().into() }),
         }
     };
-    let mut interval_nanos = source.interval_nanos();
-    let mut looks = 0..LOOKS_FOR_SECOND;
-    while interval_nanos.is_none() && looks.next().is_some() {
-        // Of a source that fails now the picture is good all the same.
-        if let Ok(Polled::Frame(second)) = source.poll() {
-            interval_nanos = Some(second.stream_nanos - first.stream_nanos).filter(|nanos| *nanos > 0);
-            break;
-        }
-    }
+    let interval_nanos = source.interval_nanos().or_else(|| middle_interval(&mut source, first.stream_nanos));
     Ok(Look {
         image: first.image,
         rate_hz: interval_nanos.map(rate_of),

@@ -29,6 +29,7 @@ mod secret;
 mod standing;
 mod status;
 mod stop;
+mod time_map;
 mod timed;
 mod together;
 mod unchanging;

@@ -4,65 +4,70 @@
 //! which pictures are seen; encoded frames with those times flow out, still in decoding order. A picture that a decoder
 //! left out never comes: its frame's time follows from those around it.
 
+use super::time_map::{MAX_MOMENTS, TimeMap};
 use crate::media::EncodedFrame;
 use std::collections::VecDeque;
-
-/// Pictures whose times are remembered: more than any codec reorders.
-const MAX_TIMES: usize = 64;
 
 /// Pairs the frames of one pass through a stream with its pictures.
 #[derive(Debug, Default)]
 pub(super) struct Pairing {
-    waiting: VecDeque<EncodedFrame>,
-    /// The stream's own time of each of the last pictures, and the time that it was given; both grow.
-    times: VecDeque<(i64, i64)>,
+    /// Each with the number of steps back that the stream's own time had taken when it was read.
+    waiting: VecDeque<(EncodedFrame, u64)>,
+    /// The stream's own time of each of the last pictures, and the time that it was given.
+    times: TimeMap,
+    /// The same of the pictures before the stream's own time stepped back last.
+    times_before: TimeMap,
+    /// Steps back of the pictures' own times.
+    n_steps: u64,
     /// Time that was given last, and the distance that was promised then.
     last: Option<(i64, i64)>,
 }
 
 impl Pairing {
-    /// Adds the frame that was read next.
+    /// Adds the frame that was read next, before the next picture: so its own is one that comes.
     pub(super) fn push_frame(&mut self, frame: EncodedFrame) {
-        self.waiting.push_back(frame);
+        let has_stepped =
+            self.times.newest().is_some_and(|newest| frame.stream_nanos.is_some_and(|nanos| nanos <= newest));
+        self.waiting.push_back((frame, self.n_steps + u64::from(has_stepped)));
     }
 
     /// Tells the time that the next picture was given, and the stream's own, if it had one.
     pub(super) fn push_picture(&mut self, stream_nanos: Option<i64>, given_nanos: i64) {
         let Some(stream_nanos) = stream_nanos else { return };
-        // Where the stream's own time steps back, what was before tells nothing of what comes.
-        if self.times.back().is_some_and(|(before, _)| *before >= stream_nanos) {
-            self.times.clear();
+        if self.times.newest().is_some_and(|newest| stream_nanos <= newest) {
+            self.times_before = std::mem::take(&mut self.times);
+            self.n_steps += 1;
         }
-        if self.times.len() == MAX_TIMES {
-            self.times.pop_front();
-        }
-        self.times.push_back((stream_nanos, given_nanos));
+        self.times.push(stream_nanos, given_nanos);
+    }
+
+    /// Returns how far before the stream's own time `stream_nanos` the first of the frames lies that wait and are not after it.
+    pub(super) fn waiting_nanos(&self, stream_nanos: i64) -> Option<i64> {
+        let times = self.waiting.iter().filter_map(|(frame, _)| frame.stream_nanos);
+        let first = times.filter(|nanos| *nanos <= stream_nanos).min()?;
+        Some(stream_nanos.saturating_sub(first))
     }
 
     /// The next frame whose time is known, its `stream_nanos` what its picture was given.
     pub(super) fn take(&mut self) -> Option<EncodedFrame> {
-        let (newest, _) = self.times.back()?;
-        let is_known = self.waiting.front()?.stream_nanos.is_none_or(|nanos| nanos <= *newest);
-        if is_known || self.waiting.len() > MAX_TIMES { self.take_anyway() } else { None }
+        let newest = self.times.newest()?;
+        let (frame, n_steps) = self.waiting.front()?;
+        let is_before = || frame.stream_nanos.is_none_or(|nanos| nanos <= newest);
+        let is_known = *n_steps < self.n_steps || *n_steps == self.n_steps && is_before();
+        if is_known || self.waiting.len() > MAX_MOMENTS { self.take_anyway() } else { None }
     }
 
     /// The next frame, also if its picture has not come: there will be no more pictures.
     pub(super) fn take_anyway(&mut self) -> Option<EncodedFrame> {
-        let mut frame = self.waiting.pop_front()?;
+        let (mut frame, n_steps) = self.waiting.pop_front()?;
+        let times = if n_steps < self.n_steps { &self.times_before } else { &self.times };
         let given = match frame.stream_nanos {
-            Some(nanos) => self.given(nanos).unwrap_or(nanos),
+            Some(nanos) => times.at(nanos).unwrap_or(nanos),
             None => self.last.map_or(0, |(last, interval)| last.saturating_add(interval)),
         };
         self.last = Some((given, frame.interval_nanos.unwrap_or(0).max(1)));
         frame.stream_nanos = Some(given);
         Some(frame)
-    }
-
-    /// The time that the picture of stream time `nanos` was given, or would have been.
-    fn given(&self, nanos: i64) -> Option<i64> {
-        let n_before = self.times.partition_point(|(stream, _)| *stream <= nanos);
-        let nearest = self.times.get(n_before.saturating_sub(1))?;
-        Some(nearest.1.saturating_add(nanos.saturating_sub(nearest.0)))
     }
 }
 
@@ -102,6 +107,29 @@ mod tests {
     }
 
     #[test]
+    fn after_a_step_back_frames_wait_for_their_own_pictures() {
+        let mut pairing = Pairing::default();
+        reading(&mut pairing, &[Some(0), Some(1040)]);
+        pairing.push_picture(Some(0), 0);
+        pairing.push_picture(Some(1_040_000_000), 1_040_000_000);
+        assert_eq!(taken(&mut pairing), [0, 1040]);
+        reading(&mut pairing, &[Some(80), Some(120)]);
+        assert!(taken(&mut pairing).is_empty(), "the newest picture is of before");
+        // Its time goes on.
+        pairing.push_picture(Some(80_000_000), 1_080_000_000);
+        assert_eq!(taken(&mut pairing), [1080]);
+        // One of before whose picture never came.
+        let mut pairing = Pairing::default();
+        reading(&mut pairing, &[Some(0), Some(1040), Some(1080)]);
+        pairing.push_picture(Some(0), 0);
+        pairing.push_picture(Some(1_040_000_000), 1_040_000_000);
+        assert_eq!(taken(&mut pairing), [0, 1040]);
+        reading(&mut pairing, &[Some(120)]);
+        pairing.push_picture(Some(120_000_000), 1_120_000_000);
+        assert_eq!(taken(&mut pairing), [1080, 1120]);
+    }
+
+    #[test]
     fn a_frame_without_a_picture_is_timed_by_those_around_it() {
         let mut pairing = Pairing::default();
         reading(&mut pairing, &[Some(0), Some(40), None, Some(120), Some(160)]);
@@ -120,6 +148,6 @@ mod tests {
         assert_eq!(taken(&mut pairing), [0]);
         let later: Vec<_> = (1..=100).map(|i| Some(40 * i)).collect();
         reading(&mut pairing, &later);
-        assert_eq!(taken(&mut pairing).len(), 100 - MAX_TIMES);
+        assert_eq!(taken(&mut pairing).len(), 100 - MAX_MOMENTS);
     }
 }

@@ -20,6 +20,7 @@ use super::together::{Member, Together};
 use super::{IngestError, Lost, MediaRoots, Source, SourceFrame, StopFlag, Tap, open_tapped};
 use crate::media::{EncodedFrame, TICK_NANOS};
 use crate::telemetry::DropReason;
+use follow::RecordedTimes;
 use play::Played;
 pub use start::Feed;
 use start::{Corrected, SharedClock, Start};
@@ -179,6 +180,7 @@ impl CameraWorker {
             consumer,
             pacer: None,
             arrivals: ArrivalClock::default(),
+            recorded: RecordedTimes::default(),
             steady_since: None,
             rate: RateMeter::default(),
             ticked: None,
@@ -298,6 +300,7 @@ struct Camera {
     /// Paces a file in real time, once it has begun.
     pacer: Option<Pacer>,
     arrivals: ArrivalClock,
+    recorded: RecordedTimes,
     /// Monotonic times of the first and the latest frame since the source was opened.
     steady_since: Option<(Duration, Duration)>,
     rate: RateMeter,
@@ -389,7 +392,7 @@ impl Camera {
         }
     }
 
-    /// Hands on the encoded frames whose pictures came; `offset_nanos` is added to stream time.
+    /// Hands on a file's encoded frames whose pictures came; `offset_nanos` is added to stream time.
     fn hand_on_encoded(&mut self, source: &mut dyn Source, offset_nanos: i64) {
         if self.tap == Tap::Closed {
             return;

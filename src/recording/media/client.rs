@@ -117,23 +117,32 @@ struct Running {
     thread: Option<JoinHandle<()>>,
 }
 
-/// Has a thread of that name do what `run` does until it ends or is told to stop. What ended it otherwise is told to `faults`.
+/// Has a thread of that name do what `run` does until it ends or is told to stop. What ended it otherwise is told to `faults`; then
+/// `sources` end, so that what came before goes through.
 ///
 /// # Errors
 /// When no thread can be started.
 pub(super) fn spawn<F: Future<Output = Option<Fault>>>(
     name: &str,
-    faults: SyncSender<Fault>,
+    (faults, sources): (SyncSender<Fault>, Vec<gst_app::AppSrc>),
     run: impl FnOnce(oneshot::Receiver<()>) -> F + Send + 'static,
 ) -> Result<Connection, Fault> {
     let (stop, stopped) = oneshot::channel();
+    let span = tracing::Span::current();
     let work = move || {
+        // What it logs names the camera.
+        let _entered = span.entered();
         let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build();
         let fault = match runtime {
             Ok(runtime) => runtime.block_on(run(stopped)),
             Err(error) => Some(gstreamer_fault("start a connection", &error)),
         };
         if let Some(fault) = fault {
+            for source in sources {
+                if let Err(error) = source.end_of_stream() {
+                    tracing::trace!(%error, "a pipeline has ended already");
+                }
+            }
             report(&faults, fault);
         }
     };

@@ -114,6 +114,12 @@ impl Decoder {
         }
     }
 
+    /// Returns true once a camera's connection has ended, and the last of its encoded frames is in the queue.
+    #[must_use]
+    pub fn has_handed_over_all(&self) -> bool {
+        self.camera.as_ref().is_some_and(|camera| camera.pipeline.has_handed_over_all())
+    }
+
     /// Returns the length of the input in nanoseconds, where that is known, once a picture has come.
     #[must_use]
     pub fn duration_nanos(&self) -> Option<i64> {

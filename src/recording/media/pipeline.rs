@@ -20,7 +20,7 @@ use gstreamer as gst;
 use gstreamer_app as gst_app;
 use std::fs::File;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::time::Duration;
 
@@ -41,6 +41,8 @@ pub(super) struct Pipeline {
     /// Frames of a file that went into its decoder.
     n_entered: Arc<AtomicU64>,
     keep: Keep,
+    /// True once the last of a camera's frames was handed over.
+    has_handed_over_all: Arc<AtomicBool>,
     /// True where errors may name addresses and passwords: of a camera that is connected to from here.
     has_secrets: bool,
     /// The file that it reads, kept open.
@@ -146,6 +148,11 @@ impl Pipeline {
         self.sink.is_eos()
     }
 
+    /// Returns true once a camera's connection has ended and the last of its frames was handed over.
+    pub(super) fn has_handed_over_all(&self) -> bool {
+        self.has_handed_over_all.load(Ordering::Acquire)
+    }
+
     /// Returns true where nothing in the pipeline is at work, so that nothing will come. An error that a demuxer posts while
     /// decodebin still tries it is swallowed there (seen with 1.22 on a file that breaks off in its header): the
     /// demuxer then rests for ever, and this is its only trace.
@@ -247,6 +254,7 @@ pub(super) struct Parts<'a> {
     pub(super) keep: Keep,
     pub(super) faults: &'a SyncSender<Fault>,
     pub(super) unknown_streams: &'a SyncSender<gst::Caps>,
+    pub(super) has_handed_over_all: &'a Arc<AtomicBool>,
 }
 
 impl Built {
@@ -283,8 +291,15 @@ impl Built {
             }
         });
         let (streams, unknown_streams) = sync_channel(8);
-        let parts =
-            Parts { pipeline: &pipeline, sink: &sink, keep, faults: &faults, unknown_streams: &streams };
+        let has_handed_over_all = Arc::<AtomicBool>::default();
+        let parts = Parts {
+            pipeline: &pipeline,
+            sink: &sink,
+            keep,
+            faults: &faults,
+            unknown_streams: &streams,
+            has_handed_over_all: &has_handed_over_all,
+        };
         let reader = make_reader(&parts)?;
         pipeline.add(&reader).map_err(|error| gstreamer_fault("build a pipeline", &error))?;
         let file = source.link(&pipeline, &reader)?;
@@ -304,6 +319,7 @@ impl Built {
             n_damaged,
             n_entered,
             keep,
+            has_handed_over_all,
             has_secrets: hands_over,
             _file: file,
             connection: None,

@@ -13,6 +13,7 @@ use gst::glib;
 use gst::prelude::*;
 use gstreamer as gst;
 use gstreamer_app as gst_app;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex};
 use videofields_vision::lock::lock;
 
@@ -48,6 +49,7 @@ pub(super) fn hand_over_first_video(
 ) {
     let (pictures, keep) = (parts.sink.downgrade(), parts.keep);
     let (queue, take) = (queue.cloned(), Mutex::new(Some(take)));
+    let has_ended = Arc::clone(parts.has_handed_over_all);
     link_first(parse, parts, is_video, move |pad, caps, pipeline| {
         let (Some(pictures), Some(stream)) = (pictures.upgrade(), caps.structure(0)) else { return Ok(()) };
         let is_recorded = Muxer::takes(stream.name());
@@ -59,7 +61,7 @@ pub(super) fn hand_over_first_video(
         }
         let Some(take) = lock(&take).take() else { return Ok(()) };
         let queue = queue.clone().filter(|_| is_recorded);
-        let linked = hand_over(pad, stream, pipeline, (queue, take));
+        let linked = hand_over(pad, stream, pipeline, make_sink(queue.as_ref(), Some(take), &has_ended));
         linked.map_err(|error| gstreamer_fault("hand over a stream", &*error))
     });
 }
@@ -73,9 +75,8 @@ fn hand_over(
     pad: &gst::Pad,
     stream: &gst::StructureRef,
     pipeline: &gst::Pipeline,
-    (queue, take): (Option<Arc<EncodedQueue>>, FrameHandler),
+    sink: gst_app::AppSink,
 ) -> Result<(), Box<dyn std::error::Error>> {
-    let sink = make_sink(queue.as_ref(), Some(take));
     let mut chain = packaging(stream)?;
     chain.push(sink.upcast());
     pipeline.add_many(&chain)?;
@@ -108,7 +109,7 @@ fn split(
     (decode, queue): (&gst::Element, &Arc<EncodedQueue>),
 ) -> Result<(), Box<dyn std::error::Error>> {
     let tee = gst::ElementFactory::make("tee").build()?;
-    let sink = make_sink(Some(queue), None);
+    let sink = make_sink(Some(queue), None, &Arc::default());
     let mut chain = packaging(stream)?;
     chain.push(tee);
     pipeline.add_many(&chain)?;
@@ -145,8 +146,13 @@ fn packaging(stream: &gst::StructureRef) -> Result<Vec<gst::Element>, glib::Bool
     Ok(vec![gst::ElementFactory::make(parser).build()?, filter])
 }
 
-/// Makes the end of a stream of encoded frames: each goes to the queue and to `also`, where they are.
-fn make_sink(queue: Option<&Arc<EncodedQueue>>, also: Option<FrameHandler>) -> gst_app::AppSink {
+/// Makes the end of a stream of encoded frames: each goes to the queue and to `also`, where they are. Behind the last one `has_ended`
+/// is set.
+fn make_sink(
+    queue: Option<&Arc<EncodedQueue>>,
+    also: Option<FrameHandler>,
+    has_ended: &Arc<AtomicBool>,
+) -> gst_app::AppSink {
     let sink = gst_app::AppSink::builder().sync(false).async_(false).enable_last_sample(false).build();
     if let (Some(pad), Some(queue)) = (sink.static_pad("sink"), queue.cloned()) {
         // A recording does not hold that a stream's pictures are turned.
@@ -171,7 +177,9 @@ fn make_sink(queue: Option<&Arc<EncodedQueue>>, also: Option<FrameHandler>) -> g
         }
         Ok(gst::FlowSuccess::Ok)
     };
-    sink.set_callbacks(gst_app::AppSinkCallbacks::builder().new_sample(take).build());
+    let has_ended = Arc::clone(has_ended);
+    let end = move |_sink: &gst_app::AppSink| has_ended.store(true, Ordering::Release);
+    sink.set_callbacks(gst_app::AppSinkCallbacks::builder().new_sample(take).eos(end).build());
     sink
 }
 

@@ -1,6 +1,7 @@
 //! RTSP cameras that behave as public reports say some do.
 
 use super::*;
+use std::path::Path;
 use videofields_testing::odd_rtsp::{OddCamera, Oddities, Parameter};
 use videofields_testing::tls;
 
@@ -84,29 +85,88 @@ fn a_transport_that_is_refused_is_followed_by_the_other() {
     camera.wait_failed("neither over TCP nor over UDP");
 }
 
+/// Keeps the times of the encoded frames that it is to record.
+#[derive(Clone, Default)]
+struct Recorded(Arc<Mutex<Vec<Timestamp>>>);
+
+impl FrameConsumer for Recorded {
+    fn consume(&mut self, _frame: Frame) {}
+
+    fn tap(&self) -> ingest::Tap {
+        ingest::Tap::Open
+    }
+
+    fn record(&mut self, _frame: &EncodedFrame, time: Timestamp) {
+        self.0.lock().unwrap().push(time);
+    }
+}
+
+#[test]
+fn frames_on_their_way_when_a_connection_ends_are_recorded() {
+    const N_SENT: usize = 23;
+    let server = OddCamera::start(Oddities { ends_after: Some(N_SENT), ..Oddities::default() });
+    let recorded = Recorded::default();
+    let clock: Arc<dyn Clock> = Arc::new(SystemClock::new());
+    let (id, start) = (CameraId::new("yard").unwrap(), (clock.now(), clock.monotonic()));
+    let consumer = Box::new(recorded.clone());
+    let worker = CameraWorker::spawn(id, settings(&server.url()), roots(), clock, start, consumer).unwrap();
+    for n_connections in 1..=2 {
+        wait_for("the end", || {
+            let status = worker.status();
+            (status.state == CameraState::Failed && status.retries == n_connections - 1).then_some(())
+        });
+        let times = recorded.0.lock().unwrap().clone();
+        assert_eq!(times.len(), n_connections as usize * N_SENT);
+        assert!(times.windows(2).all(|pair| pair[0] < pair[1]), "{times:?}");
+    }
+}
+
 /// Runs in a process of its own, since the certificates that are trusted are read once.
 #[test]
 fn a_camera_proves_its_name_or_is_left() {
     const CERTIFICATES: &str = "VIDEOFIELDS_TEST_CERTIFICATES";
+    const AUTHORITIES: [(&str, &str, i32); 3] =
+        [("own", "localhost", 2100), ("other-name", "elsewhere", 2100), ("expired", "localhost", 2020)];
     let Some(folder) = std::env::var_os(CERTIFICATES).map(std::path::PathBuf::from) else {
         let (files, _) = tls::Files::new();
+        let mut trusted = std::fs::read(files.certificate()).unwrap();
+        for (folder, name, end_year) in AUTHORITIES {
+            let folder = files.folder().join(folder);
+            tls::write_authority(&folder, name, end_year);
+            trusted.extend(std::fs::read(folder.join("site.pem")).unwrap());
+        }
+        let bundle = files.folder().join("trusted.pem");
+        std::fs::write(&bundle, trusted).unwrap();
         let name = "ingest_live::odd::a_camera_proves_its_name_or_is_left";
         let mut alone = std::process::Command::new(std::env::current_exe().unwrap());
         alone.args(["--exact", name, "--nocapture"]);
-        alone.env(CERTIFICATES, files.folder()).env("SSL_CERT_FILE", files.certificate());
+        alone.env(CERTIFICATES, files.folder()).env("SSL_CERT_FILE", bundle);
         let alone = alone.output().unwrap();
         let said = String::from_utf8_lossy(&alone.stdout) + String::from_utf8_lossy(&alone.stderr);
         assert!(alone.status.success() && said.contains("1 passed"), "{said}");
         return;
     };
-    let trusted = OddCamera::encrypted(&tls::server(&folder.join("site.pem"), &folder.join("site.key")));
+    let of = |folder: &Path| {
+        OddCamera::encrypted(&tls::server(&folder.join("site.pem"), &folder.join("site.key")))
+    };
+    let trusted = of(&folder);
     let camera = Camera::connect(settings(&trusted.url()));
     assert_eq!(camera.wait_frames(20).retries, 0);
+    let fails = |folder: &Path| {
+        let server = of(folder);
+        Camera::connect(settings(&server.url())).wait_failed("does not prove its name");
+    };
     let (files, _) = tls::Files::new();
-    let stranger = OddCamera::encrypted(&tls::server(&files.certificate(), &files.private_key()));
-    Camera::connect(settings(&stranger.url())).wait_failed("does not prove its name");
+    fails(files.folder());
     let address = trusted.url().replace("localhost", "127.0.0.1");
     Camera::connect(settings(&address)).wait_failed("does not prove its name");
+    // Certificates of authorities that cameras use as their own.
+    let own = of(&folder.join("own"));
+    assert_eq!(Camera::connect(settings(&own.url())).wait_frames(20).retries, 0);
+    fails(&folder.join("other-name"));
+    fails(&folder.join("expired"));
+    tls::write_authority(files.folder(), "localhost", 2100);
+    fails(files.folder());
 }
 
 /// A camera with a login, and the folder of its password.

@@ -5,8 +5,11 @@
 use super::Camera;
 use crate::ingest::arrival::Arrival;
 use crate::ingest::status::CameraState;
-use crate::ingest::{CameraError, IngestError, Lost, Polled, Source};
+use crate::ingest::time_map::TimeMap;
+use crate::ingest::{CameraError, IngestError, Lost, Polled, Source, Tap};
+use crate::media::{EncodedFrame, TICK_NANOS};
 use std::time::Duration;
+use videofields_vision::clock::Timestamp;
 
 /// Longest time from connecting to the first frame.
 const FIRST_FRAME: Duration = Duration::from_secs(10);
@@ -21,11 +24,17 @@ impl Camera {
     /// Delivers a live source's frames until it fails or the camera ends.
     pub(super) fn follow(&mut self, source: &mut dyn Source) -> Result<(), IngestError> {
         self.arrivals.begin();
+        self.recorded.begin();
         let first_number = self.next_number;
         let mut heard = self.clock.monotonic();
         let (mut has_frame, mut counted) = (false, Lost::default());
         while !self.stop.is_raised() {
-            let polled = source.poll()?;
+            let polled = source.poll();
+            if polled.is_err() {
+                // No pictures come of the last frames.
+                self.record_encoded(source);
+            }
+            let polled = polled?;
             let now = self.clock.monotonic();
             self.count_lost(source.lost(), &mut counted);
             match polled {
@@ -51,13 +60,28 @@ impl Camera {
                     self.tell_decoding(source);
                     let stamped = self.arrivals.stamp(&arrival);
                     let timestamp = self.scene_time(stamped);
-                    self.hand_on_encoded(source, stamped.as_nanos().saturating_sub(stream_nanos));
+                    self.recorded.times.push(stream_nanos, stamped.as_nanos());
+                    self.record_encoded(source);
                     self.deliver(frame, timestamp, first_number);
                 }
             }
             self.tick_if_due();
         }
+        self.record_encoded(source);
         Ok(())
+    }
+
+    /// Hands on a live source's encoded frames, at the times of their pictures.
+    fn record_encoded(&mut self, source: &mut dyn Source) {
+        if self.tap == Tap::Closed {
+            return;
+        }
+        while let Some(frame) = source.take_encoded() {
+            if let Some(time) = self.recorded.stamp(&frame) {
+                let time = self.scene_time(time);
+                self.consumer.record(&frame, time);
+            }
+        }
     }
 
     /// Whether a live source that failed is opened again at once: its pictures were seen and went over to what this
@@ -71,5 +95,115 @@ impl Camera {
             tracing::warn!(%silence, "a camera stalled");
             self.status.stall(silence.to_string(), self.clock.now());
         }
+    }
+}
+
+/// Times of the frames that are recorded of a live source, before the camera's clock is corrected.
+#[derive(Debug, Default)]
+pub(super) struct RecordedTimes {
+    /// Scene time by the source's stream time, at its pictures.
+    times: TimeMap,
+    /// The latest time of a frame, in nanoseconds.
+    latest_nanos: Option<i64>,
+    /// Nanoseconds by which frames since the last key frame are later than their pictures.
+    shift_nanos: i64,
+    /// The time of the last key frame, and the latest time before it.
+    key_nanos: i64,
+    before_key_nanos: i64,
+}
+
+impl RecordedTimes {
+    /// Says that the next frame is the first of a new connection, whose stream time is another.
+    fn begin(&mut self) {
+        self.times = TimeMap::after(self.latest_nanos);
+        self.shift_nanos = 0;
+    }
+
+    /// Returns the time at which the next frame is recorded, in decoding order; none where no picture has come yet. Frames after a key
+    /// frame are seen after all before it. So one whose time says otherwise, since a time before it was wrong, is put behind them
+    /// with the frames that build on it. Frames that lead up to a key frame lie between both.
+    fn stamp(&mut self, frame: &EncodedFrame) -> Option<Timestamp> {
+        let own_nanos = self.times.at(frame.stream_nanos.unwrap_or(0))?;
+        if frame.is_key {
+            let least_nanos = self.latest_nanos.map_or(own_nanos, |latest| latest.saturating_add(TICK_NANOS));
+            self.shift_nanos = least_nanos.saturating_sub(own_nanos).max(0);
+            self.before_key_nanos = self.latest_nanos.unwrap_or(i64::MIN);
+            self.key_nanos = own_nanos.saturating_add(self.shift_nanos);
+        }
+        let mut nanos = own_nanos.saturating_add(self.shift_nanos);
+        if nanos < self.key_nanos && nanos <= self.before_key_nanos {
+            nanos = self.latest_nanos.unwrap_or(nanos).saturating_add(TICK_NANOS);
+        }
+        self.latest_nanos = Some(self.latest_nanos.map_or(nanos, |latest| latest.max(nanos)));
+        Some(Timestamp::from_nanos(nanos))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::media::EncodedFormat;
+    use std::sync::Arc;
+
+    const MS: i64 = 1_000_000;
+
+    /// Times of frames, in milliseconds of stream time and with `true` for key frames, once the pictures of `times` have come.
+    fn stamped(recorded: &mut RecordedTimes, frames: &[(i64, bool)]) -> Vec<i64> {
+        let format = Arc::new(EncodedFormat::named("video/x-h264"));
+        let stamp = |(millis, is_key): &(i64, bool)| {
+            let mut frame = EncodedFrame::blank(Arc::clone(&format), Some(millis * MS), None);
+            frame.is_key = *is_key;
+            recorded.stamp(&frame).unwrap().as_nanos() / MS
+        };
+        frames.iter().map(stamp).collect()
+    }
+
+    #[test]
+    fn frames_before_and_between_pictures_are_recorded_between_them() {
+        let mut recorded = RecordedTimes::default();
+        recorded.begin();
+        // The picture of the key frame was replaced, and scene time was ahead.
+        recorded.times.push(100 * MS, 5000 * MS);
+        recorded.times.push(400 * MS, 5120 * MS);
+        let times =
+            stamped(&mut recorded, &[(0, true), (100, false), (200, false), (300, false), (400, false)]);
+        assert_eq!(times, [4900, 5000, 5040, 5080, 5120]);
+        // The next connection's come after it, whatever its clock says.
+        recorded.begin();
+        recorded.times.push(300 * MS, 5200 * MS);
+        let times = stamped(&mut recorded, &[(0, true), (100, false), (200, false), (300, false)]);
+        assert!(
+            times[0] > 5120 && times.windows(2).all(|pair| pair[0] < pair[1]) && times[3] == 5200,
+            "{times:?}"
+        );
+    }
+
+    #[test]
+    fn one_wrong_time_costs_no_frame() {
+        let mut recorded = RecordedTimes::default();
+        recorded.begin();
+        recorded.times.push(0, 1000 * MS);
+        recorded.times.push(1000 * MS, 2000 * MS);
+        let frames = [
+            (0, true),
+            (100, false),
+            (700, false),
+            (300, true),
+            (400, false),
+            (500, true),
+            (600, false),
+            (900, true),
+        ];
+        let times = stamped(&mut recorded, &frames);
+        assert_eq!(times, [1000, 1100, 1700, 1700, 1800, 1800, 1900, 1900], "milliseconds");
+        assert_eq!(recorded.shift_nanos, 3 * TICK_NANOS);
+        assert_eq!(
+            stamped(&mut recorded, &[(1200, true), (1300, false)]),
+            [2200, 2300],
+            "real times are past it"
+        );
+        // One that leads up to its key frame stays, one of long before goes on from where it is.
+        let frames = [(1600, true), (1500, false), (1000, false), (1700, false)];
+        assert_eq!(stamped(&mut recorded, &frames), [2600, 2500, 2600, 2700]);
     }
 }

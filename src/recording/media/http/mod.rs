@@ -72,7 +72,11 @@ impl Input {
 
 impl Client for Http {
     fn start(self: Box<Self>, faults: SyncSender<Fault>) -> Result<Connection, Fault> {
-        spawn("http", faults, move |stopped| async move { self.run(stopped).await })
+        spawn(
+            "http",
+            (faults, vec![self.source.clone()]),
+            move |stopped| async move { self.run(stopped).await },
+        )
     }
 }
 

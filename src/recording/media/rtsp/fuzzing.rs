@@ -47,8 +47,11 @@ struct Found {
 fn read<'a>(bytes: impl IntoIterator<Item = &'a [u8]>) -> Found {
     let mut reader = Reader::default();
     let mut found = Found { pieces: Vec::new(), is_unreadable: false, n_damaged: 0 };
-    for bytes in bytes {
-        reader.push(bytes);
+    for bytes in bytes.into_iter().map(Some).chain([None]) {
+        match bytes {
+            Some(bytes) => reader.push(bytes),
+            None => reader.end(),
+        }
         while !found.is_unreadable {
             match reader.next() {
                 Ok(Some(piece)) => found.pieces.push(piece),

@@ -89,6 +89,9 @@ impl Input {
     pub fn rtsp(peer: &Peer, transport: Transport, login: Option<Login<'_>>) -> Result<Self, Fault> {
         let buffer = make("rtpjitterbuffer")?;
         buffer.set_property("latency", LATENCY_MS);
+        // Times as the camera has them. What evens them out takes the steps back of B frames for jitter, and scene time is evened out
+        // behind the decoder.
+        buffer.set_property_from_str("mode", "none");
         buffer.set_property("add-reference-timestamp-meta", true);
         let sinks = Sinks {
             packets: live_source(WAITING_BYTES, WAITING_PACKETS)?,
@@ -112,7 +115,8 @@ impl Input {
 
 impl Client for Rtsp {
     fn start(self: Box<Self>, faults: SyncSender<Fault>) -> Result<Connection, Fault> {
-        spawn("rtsp", faults, move |stopped| async move { self.run(stopped).await })
+        let sources = vec![self.sinks.packets.clone(), self.sinks.reports.clone()];
+        spawn("rtsp", (faults, sources), move |stopped| async move { self.run(stopped).await })
     }
 }
 

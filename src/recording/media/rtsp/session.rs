@@ -234,6 +234,7 @@ impl<'a> Session<'a> {
                     let n_bytes = n_bytes.unwrap_or(0);
                     if n_bytes == 0 {
                         self.remember_end(asked.as_ref());
+                        self.take_rest();
                         return Err(Fault::Connection(ConnectionFault::Closed));
                     }
                     self.reader.push(&chunk[..n_bytes]);
@@ -261,6 +262,16 @@ impl<'a> Session<'a> {
                         (Some(_), None) => {}
                     }
                 }
+            }
+        }
+    }
+
+    /// Passes on the packets that were waited for the end of something else when the connection ended.
+    fn take_rest(&mut self) {
+        self.reader.end();
+        while let Ok(Some(piece)) = self.next_piece() {
+            if let Piece::Packet(packet) = piece {
+                self.take_packet(packet);
             }
         }
     }
