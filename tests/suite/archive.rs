@@ -378,6 +378,8 @@ async fn a_full_disk_pauses_recording_and_nothing_else() {
     let n_before = archive.status().cameras[0].n_frames;
     while archive.status().cameras[0].n_frames <= n_before {
         push(&mut recorder);
+        // So that what waits does not fill the disk again.
+        clock.sleep(Duration::from_millis(10));
     }
     assert_eq!(recorder.look(), None);
     let clock = SystemClock::new();

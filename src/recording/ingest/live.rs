@@ -126,7 +126,6 @@ impl Source for LiveSource {
 
     fn poll(&mut self) -> Result<Polled, IngestError> {
         if self.stop.is_raised() {
-            self.end = End::Over;
             return Err(IngestError::Stopped);
         }
         if let Some(picture) = self.decoder.pull(LOOK) {
@@ -155,12 +154,11 @@ impl Source for LiveSource {
 
     fn take_encoded(&mut self) -> Option<EncodedFrame> {
         self.read_encoded();
-        // Of the last frames no pictures may come.
-        if matches!(self.end, End::Over) || self.stop.is_raised() {
-            self.pairing.take_anyway()
-        } else {
-            self.pairing.take()
-        }
+        if matches!(self.end, End::Over) { self.pairing.take_anyway() } else { self.pairing.take() }
+    }
+
+    fn end_encoded(&mut self) {
+        self.end = End::Over;
     }
 
     fn n_encoded_dropped(&self) -> u64 {

@@ -118,6 +118,9 @@ pub trait Source: Send {
         None
     }
 
+    /// Says that no picture comes any more, so that the encoded frames that wait for theirs are not held back.
+    fn end_encoded(&mut self) {}
+
     /// Encoded frames that were left out since the source was opened, because nobody took them in time.
     fn n_encoded_dropped(&self) -> u64 {
         0

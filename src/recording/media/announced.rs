@@ -154,7 +154,8 @@ fn in_units(format: &gst::StructureRef, bytes: &[u8], codec: Codec) -> Announced
     if !matches!(format.get::<&str>("stream-format"), Ok("avc" | "avc3" | "hvc1" | "hev1")) {
         return with_start_codes;
     }
-    let with_lengths = parameter_sets(&with_lengths(bytes, length_bytes(format)), codec);
+    let units: Vec<&[u8]> = with_lengths(bytes, length_bytes(format)).collect();
+    let with_lengths = parameter_sets(&units, codec);
     let is_header = matches!(bytes, [1, _, _, _, lengths, sets, ..] if lengths >> 2 == 63 && sets >> 5 == 7);
     let as_header = if is_header { parameter_sets(&avc_header(bytes), codec) } else { Announced::Nothing };
     with_lengths.or_else(with_start_codes).or_else(as_header)
@@ -169,16 +170,52 @@ fn length_bytes(format: &gst::StructureRef) -> usize {
     byte.map_or(4, |byte| usize::from(byte & 3) + 1)
 }
 
-fn with_lengths(mut bytes: &[u8], n_length: usize) -> Vec<&[u8]> {
-    let mut units = Vec::new();
-    while bytes.len() > n_length {
-        let (length, rest) = bytes.split_at(n_length);
+/// Returns units that stand behind their lengths of `n_length` bytes each.
+fn with_lengths(mut bytes: &[u8], n_length: usize) -> impl Iterator<Item = &[u8]> {
+    std::iter::from_fn(move || {
+        let (length, rest) = bytes.split_at_checked(n_length).filter(|(_, rest)| !rest.is_empty())?;
         let length = length.iter().fold(0_usize, |length, byte| length << 8 | usize::from(*byte));
         let (unit, rest) = rest.split_at(length.min(rest.len()));
-        units.push(unit);
         bytes = rest;
+        Some(unit)
+    })
+}
+
+/// Content of a frame as it is encoded.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) enum Content {
+    /// Neither a part of a picture nor a header of the codec.
+    Nothing,
+    /// Headers of the codec alone.
+    Headers,
+    /// At least a part of a picture.
+    Picture,
+}
+
+/// Returns the content of a frame of that format whose units stand behind their lengths (H.264 and H.265, ITU-T H.264, table 7-1,
+/// and H.265, table 7-1). Frames of other formats are taken for pictures.
+pub(super) fn nal_content(format: &gst::StructureRef, bytes: &[u8]) -> Content {
+    let of_unit: fn(u8) -> Content = match (format.name().as_str(), format.get::<&str>("stream-format")) {
+        ("video/x-h264", Ok("avc" | "avc3")) => |first| match first & 31 {
+            1..=5 | 20 => Content::Picture,
+            7 | 8 | 13 | 15 => Content::Headers,
+            _ => Content::Nothing,
+        },
+        ("video/x-h265", Ok("hvc1" | "hev1")) => |first| match first >> 1 & 63 {
+            0..=31 => Content::Picture,
+            32..=34 => Content::Headers,
+            _ => Content::Nothing,
+        },
+        _ => return Content::Picture,
+    };
+    let mut most = Content::Nothing;
+    for unit in with_lengths(bytes, length_bytes(format)) {
+        most = most.max(unit.first().map_or(Content::Nothing, |first| of_unit(*first)));
+        if most == Content::Picture {
+            break;
+        }
     }
-    units
+    most
 }
 
 fn between_start_codes(bytes: &[u8]) -> Vec<&[u8]> {

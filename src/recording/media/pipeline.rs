@@ -255,6 +255,7 @@ pub(super) struct Parts<'a> {
     pub(super) faults: &'a SyncSender<Fault>,
     pub(super) unknown_streams: &'a SyncSender<gst::Caps>,
     pub(super) has_handed_over_all: &'a Arc<AtomicBool>,
+    pub(super) n_damaged: &'a Arc<AtomicU64>,
 }
 
 impl Built {
@@ -299,6 +300,7 @@ impl Built {
             faults: &faults,
             unknown_streams: &streams,
             has_handed_over_all: &has_handed_over_all,
+            n_damaged: &n_damaged,
         };
         let reader = make_reader(&parts)?;
         pipeline.add(&reader).map_err(|error| gstreamer_fault("build a pipeline", &error))?;

@@ -5,6 +5,7 @@
 //! runs on the stream's own thread and never waits. A stream that Matroska does not hold goes to `decodebin` alone, and the
 //! queue says that pictures are wanted instead; so it does where pictures are turned.
 
+use super::announced::{Content, nal_content};
 use super::fault::gstreamer_fault;
 use super::linking::{link_first, link_video, turns_pictures};
 use super::pipeline::Parts;
@@ -13,7 +14,7 @@ use gst::glib;
 use gst::prelude::*;
 use gstreamer as gst;
 use gstreamer_app as gst_app;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex};
 use videofields_vision::lock::lock;
 
@@ -49,7 +50,7 @@ pub(super) fn hand_over_first_video(
 ) {
     let (pictures, keep) = (parts.sink.downgrade(), parts.keep);
     let (queue, take) = (queue.cloned(), Mutex::new(Some(take)));
-    let has_ended = Arc::clone(parts.has_handed_over_all);
+    let (has_ended, n_damaged) = (Arc::clone(parts.has_handed_over_all), Arc::clone(parts.n_damaged));
     link_first(parse, parts, is_video, move |pad, caps, pipeline| {
         let (Some(pictures), Some(stream)) = (pictures.upgrade(), caps.structure(0)) else { return Ok(()) };
         let is_recorded = Muxer::takes(stream.name());
@@ -61,7 +62,8 @@ pub(super) fn hand_over_first_video(
         }
         let Some(take) = lock(&take).take() else { return Ok(()) };
         let queue = queue.clone().filter(|_| is_recorded);
-        let linked = hand_over(pad, stream, pipeline, make_sink(queue.as_ref(), Some(take), &has_ended));
+        let linked =
+            hand_over(pad, stream, pipeline, make_sink(queue.as_ref(), Some(take), (&has_ended, &n_damaged)));
         linked.map_err(|error| gstreamer_fault("hand over a stream", &*error))
     });
 }
@@ -109,7 +111,7 @@ fn split(
     (decode, queue): (&gst::Element, &Arc<EncodedQueue>),
 ) -> Result<(), Box<dyn std::error::Error>> {
     let tee = gst::ElementFactory::make("tee").build()?;
-    let sink = make_sink(Some(queue), None, &Arc::default());
+    let sink = make_sink(Some(queue), None, (&Arc::default(), &Arc::default()));
     let mut chain = packaging(stream)?;
     chain.push(tee);
     pipeline.add_many(&chain)?;
@@ -147,11 +149,11 @@ fn packaging(stream: &gst::StructureRef) -> Result<Vec<gst::Element>, glib::Bool
 }
 
 /// Makes the end of a stream of encoded frames: each goes to the queue and to `also`, where they are. Behind the last one `has_ended`
-/// is set.
+/// is set. Frames of which nothing came that is seen are left out and counted.
 fn make_sink(
     queue: Option<&Arc<EncodedQueue>>,
     also: Option<FrameHandler>,
-    has_ended: &Arc<AtomicBool>,
+    (has_ended, n_damaged): (&Arc<AtomicBool>, &Arc<AtomicU64>),
 ) -> gst_app::AppSink {
     let sink = gst_app::AppSink::builder().sync(false).async_(false).enable_last_sample(false).build();
     if let (Some(pad), Some(queue)) = (sink.static_pad("sink"), queue.cloned()) {
@@ -163,11 +165,14 @@ fn make_sink(
             gst::PadProbeReturn::Ok
         });
     }
-    let queue = queue.cloned();
+    let (queue, n_damaged) = (queue.cloned(), Arc::clone(n_damaged));
     // The format changes rarely, if ever, and all frames of one share it.
     let format: Mutex<Option<Arc<EncodedFormat>>> = Mutex::default();
     let take = move |sink: &gst_app::AppSink| {
         let sample = sink.pull_sample().map_err(|_ended: glib::BoolError| gst::FlowError::Eos)?;
+        if lacks_picture(&sample, &n_damaged) {
+            return Ok(gst::FlowSuccess::Ok);
+        }
         // First, so that a picture that is taken finds its encoded frame in the queue.
         if let Some(queue) = queue.as_ref().filter(|queue| !queue.wants_pictures()) {
             record(queue, &sample, &format);
@@ -181,6 +186,19 @@ fn make_sink(
     let end = move |_sink: &gst_app::AppSink| has_ended.store(true, Ordering::Release);
     sink.set_callbacks(gst_app::AppSinkCallbacks::builder().new_sample(take).eos(end).build());
     sink
+}
+
+/// Returns true for a frame without a picture: its picture was lost, which is counted, or it was never one, but headers of the codec
+/// alone. A parser takes both for key frames.
+fn lacks_picture(sample: &gst::SampleRef, n_damaged: &AtomicU64) -> bool {
+    let format = sample.caps().and_then(|caps| caps.structure(0));
+    let bytes = sample.buffer().and_then(|buffer| buffer.map_readable().ok());
+    let (Some(format), Some(bytes)) = (format, bytes) else { return false };
+    let content = nal_content(format, &bytes);
+    if content == Content::Nothing {
+        n_damaged.fetch_add(1, Ordering::Relaxed);
+    }
+    content != Content::Picture
 }
 
 fn record(queue: &EncodedQueue, sample: &gst::Sample, format: &Mutex<Option<Arc<EncodedFormat>>>) {

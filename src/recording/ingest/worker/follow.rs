@@ -23,18 +23,21 @@ const WORTH_HASTE: Duration = Duration::from_secs(1);
 impl Camera {
     /// Delivers a live source's frames until it fails or the camera ends.
     pub(super) fn follow(&mut self, source: &mut dyn Source) -> Result<(), IngestError> {
+        let outcome = self.follow_pictures(source);
+        // No pictures come of the last frames.
+        source.end_encoded();
+        self.record_encoded(source);
+        outcome
+    }
+
+    fn follow_pictures(&mut self, source: &mut dyn Source) -> Result<(), IngestError> {
         self.arrivals.begin();
         self.recorded.begin();
         let first_number = self.next_number;
         let mut heard = self.clock.monotonic();
         let (mut has_frame, mut counted) = (false, Lost::default());
         while !self.stop.is_raised() {
-            let polled = source.poll();
-            if polled.is_err() {
-                // No pictures come of the last frames.
-                self.record_encoded(source);
-            }
-            let polled = polled?;
+            let polled = source.poll()?;
             let now = self.clock.monotonic();
             self.count_lost(source.lost(), &mut counted);
             match polled {
@@ -67,7 +70,6 @@ impl Camera {
             }
             self.tick_if_due();
         }
-        self.record_encoded(source);
         Ok(())
     }
 

@@ -343,3 +343,30 @@ fn formats_that_are_not_named_are_refused_whatever_is_installed() {
         assert!(fault.to_string().contains("H.264"), "{fault}");
     }
 }
+
+#[test]
+fn a_frame_without_a_slice_is_no_picture() {
+    gst::init().unwrap();
+    let format = |name: &str, packaging: &str| {
+        gst::Caps::builder(name).field("stream-format", packaging).build().structure(0).unwrap().to_owned()
+    };
+    let (avc, hvc1) = (format("video/x-h264", "avc"), format("video/x-h265", "hvc1"));
+    let frame = |units: &[u8]| units.iter().flat_map(|first| [0, 0, 0, 3, *first, 1, 2]).collect::<Vec<u8>>();
+    for (format, units, content) in [
+        (&avc, &[9, 6, 0x41][..], Content::Picture),
+        (&avc, &[0x67, 0x68, 0x65], Content::Picture),
+        (&avc, &[0x67, 0x68], Content::Headers),
+        (&avc, &[9, 6], Content::Nothing),
+        (&avc, &[], Content::Nothing),
+        (&hvc1, &[32 << 1, 33 << 1, 34 << 1, 19 << 1], Content::Picture),
+        (&hvc1, &[35 << 1, 1 << 1], Content::Picture),
+        (&hvc1, &[33 << 1], Content::Headers),
+        (&hvc1, &[39 << 1], Content::Nothing),
+    ] {
+        assert_eq!(nal_content(format, &frame(units)), content, "{units:?}");
+    }
+    // A unit whose length is beyond the frame is there all the same.
+    assert_eq!(nal_content(&avc, &[0, 0, 9, 0, 0x41]), Content::Picture);
+    assert_eq!(nal_content(&format("image/jpeg", "avc"), &[]), Content::Picture);
+    assert_eq!(nal_content(&format("video/x-h264", "byte-stream"), &[0, 0, 1, 9]), Content::Picture);
+}

@@ -1,7 +1,7 @@
 //! RTSP cameras: our own client, on a thread of its own, that feeds packets into `GStreamer`.
 //!
-//! `appsrc ! rtpjitterbuffer`, and what follows: the buffer puts packets in order and gives pictures the times that the camera's
-//! reports say.
+//! `appsrc ! rtpjitterbuffer`, and what follows: the buffer puts packets in order and says by the camera's reports when pictures were
+//! taken; their stream time is the camera's (`times`).
 
 mod description;
 #[cfg(any(test, feature = "fuzzing"))]
@@ -9,6 +9,7 @@ pub(super) mod fuzzing;
 mod message;
 mod packets;
 mod session;
+mod times;
 
 use super::client::{Peer, live_source, spawn};
 use super::fault::{ConnectionFault, gstreamer_fault};
@@ -20,6 +21,7 @@ use gstreamer as gst;
 use gstreamer_app as gst_app;
 use session::Session;
 use std::sync::mpsc::SyncSender;
+use times::keep_times;
 use tokio::sync::oneshot;
 use videofields_vision::config::Transport;
 
@@ -89,9 +91,6 @@ impl Input {
     pub fn rtsp(peer: &Peer, transport: Transport, login: Option<Login<'_>>) -> Result<Self, Fault> {
         let buffer = make("rtpjitterbuffer")?;
         buffer.set_property("latency", LATENCY_MS);
-        // Times as the camera has them. What evens them out takes the steps back of B frames for jitter, and scene time is evened out
-        // behind the decoder.
-        buffer.set_property_from_str("mode", "none");
         buffer.set_property("add-reference-timestamp-meta", true);
         let sinks = Sinks {
             packets: live_source(WAITING_BYTES, WAITING_PACKETS)?,
@@ -106,6 +105,7 @@ impl Input {
         let lacks =
             || Fault::Gstreamer { action: "build a pipeline".into(), detail: "no source pad".to_owned() };
         let pad = buffer.static_pad("src").ok_or_else(lacks)?;
+        keep_times(&pad);
         let ghost = gst::GhostPad::with_target(&pad).map_err(|error| fails(&error))?;
         bin.add_pad(&ghost).map_err(|error| fails(&error))?;
         let target = Target { peer: peer.clone(), transport, login: login.map(OwnedLogin::of) };
