@@ -123,7 +123,7 @@ class Account:
         self.n_whole = sum(frame["what"] == "whole" for frames in self.sent.values() for frame in frames.values())
 
     def read_recording(self):
-        """`recorded` has all frames of the files, `(nanoseconds, name, digest)`, in their order."""
+        """`recorded` has all frames of the files, `(nanoseconds, is_key, name, digest)`, in their order."""
         archive, camera = self.out / "archive", self.camera.id
         with sqlite3.connect(self.out / "db.sqlite") as database:
             rows = database.execute("select path, first_at, last_at, n_frames, n_bytes, state, keys from segment "
@@ -135,7 +135,7 @@ class Account:
             path = archive / name
             frames, clusters = read_segment(path)
             times = [first_at + frame[0] * TICK_NANOS for frame in frames]
-            self.recorded += [(at, *frame[2:]) for at, frame in zip(times, frames)]
+            self.recorded += [(at, *frame[1:]) for at, frame in zip(times, frames)]
             self.n_indexed += n_frames
             self.check(state == "closed" and n_bytes == path.stat().st_size, f"{name} is {state}, {n_bytes} bytes by its row")
             self.check((n_frames, first_at, last_at) == (len(frames), min(times), max(times)), f"{name} is not as its row says")
@@ -150,7 +150,7 @@ class Account:
     def hold_recorded_against_sent(self):
         """What is recorded was sent, comes in its order, once, unchanged, and in the order in which it is seen."""
         self.found, self.n_touched, newest, shown = set(), 0, (0, 0, -1), {}
-        for at, name, slices in self.recorded:
+        for at, is_key, name, slices in self.recorded:
             frame = name and name[0] == self.camera.number and self.sent.get(name[1:3], {}).get(name[3])
             self.n_touched += not frame or is_touched(frame)
             if not frame:
@@ -160,6 +160,7 @@ class Account:
             name = name[1:]
             self.check(name not in self.found, f"{name} is recorded twice")
             self.check(name > newest, f"{name} is recorded behind {newest}")
+            self.check(is_key == frame["is_key"], f"{name} is recorded as {'a' if is_key else 'no'} key frame, unlike as it was sent")
             self.check(slices == frame["slices"] or is_touched(frame), f"{name} is recorded otherwise than it was sent")
             self.found.add(name)
             newest = max(newest, name)
@@ -171,7 +172,7 @@ class Account:
             self.check(not wrong, f"{connection}: {len(wrong)} pairs of frames bear times in the wrong order, such as {wrong[:3]}")
 
     def explain(self, seen):
-        """Finds why what is missing is missing. What has no other reason was counted by the daemon then, each frame by a count of its own."""
+        """Finds why what is missing is missing: what has no other reason must have been counted, each frame by a count of its own."""
         missing = []
         for connection, frames in sorted(self.sent.items()):
             frames = [(n, frame) for n, frame in sorted(frames.items()) if frame["what"] != "omitted"]
@@ -189,15 +190,16 @@ class Account:
                 is_leaving = who == "daemon" and frame["at"] > ended_at - ON_THE_WAY_SECS
                 why = reason or ("left" if is_leaving else "last" if n == last else None)
                 missing.append((frame["at"], why, connection, n, "end" if n > last_found else "middle"))
-        counts = collections.deque()
+        counts = []
         for (_, before), (at, now) in zip(seen, seen[1:]):
-            counts += [at] * sum(now[key] - before.get(key, 0) for key in now if key[:2] == (self.camera.id, "archive_frames_dropped_total"))
-        for at, why, *place in sorted(missing, key=lambda frame: frame[0]):
-            while counts and counts[0] < at - COUNTED_SECS[0]:
-                counts.popleft()
-            if not why and counts and counts[0] < at + COUNTED_SECS[1]:
+            dropped = [key for key in now if key[:2] == (self.camera.id, "archive_frames_dropped_total")]
+            counts += [at] * sum(now[key] - before.get(key, 0) for key in dropped)
+        # Of those at a connection's end the recording rarely heard, so that they come last.
+        for at, why, *place in sorted(missing, key=lambda frame: (frame[-1] == "end", frame[0])):
+            fitting = (n for n, counted_at in enumerate(counts) if -COUNTED_SECS[0] <= counted_at - at < COUNTED_SECS[1])
+            if not why and (found := next(fitting, None)) is not None:
                 why = "counted"
-                counts.popleft()
+                del counts[found]
             self.why[why or "unexplained"] += 1
             if not why:
                 self.unexplained.append(place)

@@ -114,10 +114,13 @@ class Camera:
         options = {"file": r.choices(list(CODECS), CODECS.values())[0]}
         for fault in faults:
             options |= FAULTS[fault](r)
+        if "udp_only" in options:
+            options.pop("tcp_only", None)
         options |= self.always
         path = self.out / "media" / options["file"]
         if path.name == "bframes.h264":
-            options["pts_rel"] = places_shown(path)
+            offsets, first = places_shown(path), options.get("x_start", 0)
+            options["pts_rel"] = offsets[first:] + offsets[:first]
         options |= {"file": str(path), "hevc": path.suffix == ".h265", "x_name": f"{self.number}/{len(self.episodes) + 1}"}
         secs, ending = r.uniform(20, 120) * self.scale, r.choice([signal.SIGTERM, signal.SIGKILL])
         return {"began": time.time(), "secs": secs, "faults": faults, "signal": ending, "options": options}
@@ -179,7 +182,8 @@ def slope(points):
 
 def lost_datagrams():
     """Datagrams that the kernel had no room for, of all programs."""
-    heads, values = [line.split() for line in pathlib.Path("/proc/net/snmp").read_text(encoding="ascii").splitlines() if line.startswith("Udp:")]
+    lines = pathlib.Path("/proc/net/snmp").read_text(encoding="ascii").splitlines()
+    heads, values = [line.split() for line in lines if line.startswith("Udp:")]
     return int(dict(zip(heads, values))["RcvbufErrors"])
 
 
@@ -190,8 +194,9 @@ class Run:
         self.secs, self.out, self.began = arguments.seconds, out, time.time()
         self.cameras = [Camera(number, arguments, out) for number in range(arguments.cameras)]
         self.seen, self.samples, self.live_secs, self.told = [(self.began, {})], [], collections.Counter(), []
-        config = (f'[server]\nlisten = "127.0.0.1:{API_PORT}"\n[storage]\ndatabase = "{out}/db.sqlite"\n[accuracy]\nmeasure_at_start = false\n'
-                  f'[render]\nwarm_up = false\n[archive]\nfolder = "{out}/archive"\nsegment_secs = 10\nmin_free_mib = 0\n')
+        config = (f'[server]\nlisten = "127.0.0.1:{API_PORT}"\n[storage]\ndatabase = "{out}/db.sqlite"\n'
+                  f'[archive]\nfolder = "{out}/archive"\nsegment_secs = 10\nmin_free_mib = 0\n'
+                  "[accuracy]\nmeasure_at_start = false\n[render]\nwarm_up = false\n")
         (out / "hour.toml").write_text(config + "".join(camera.config() for camera in self.cameras))
         environment = {"VIDEOFIELDS_LOG": "info"} | os.environ | {"HOUR_PASSWORD": "p"}
         command = ["nice", "-n", "-5", arguments.daemon, "serve", "--config", out / "hour.toml"]
@@ -237,7 +242,8 @@ def hold_counters_against_files(account, counters, told):
     sums, recording, in_files = collections.Counter(), told["recording"], len(account.recorded)
     for (camera, metric, _reason), n in counters.items():
         sums[metric] += n if camera == account.camera.id else 0
-    counted = {"in files": in_files, "in the index": account.n_indexed, "by metrics": sums["archive_frames_total"], "by the API": recording["frames"]}
+    counted = {"in files": in_files, "in the index": account.n_indexed,
+               "by metrics": sums["archive_frames_total"], "by the API": recording["frames"]}
     account.check(len(set(counted.values())) == 1, f"recorded frames are {counted}")
     for of_api, metric in ((recording["dropped"], "archive_frames_dropped_total"), (told["frames"], "ingest_frames_total"),
                            (told["dropped"], "ingest_frames_dropped_total")):
@@ -250,7 +256,8 @@ def report(run, out):
     faults = [f"the daemon ended with {run.status}"] * (run.status != 0)
     log = (out / "daemon.log").read_text(errors="replace")
     faults += [f"the daemon's log: {line}" for line in log.splitlines() if "panicked" in line]
-    print(*(f"{head:>11}" for head in ("camera", "sent whole", "recorded", *kinds, "+ touched", "in index", "live s", "connections", "episodes")))
+    heads = ("camera", "sent whole", "recorded", *kinds, "+ touched", "in index", "live s", "connections", "episodes")
+    print(*(f"{head:>11}" for head in heads))
     details = []
     for camera, told in zip(run.cameras, run.told):
         counters = run.seen[-1][1]
@@ -262,7 +269,8 @@ def report(run, out):
         print(*(f"{value:>11}" for value in (camera.id, *row)))
         totals.update(dict(enumerate(row)))
         faults += account.faults
-        dropped = {reason: n for (id_, metric, reason), n in counters.items() if n and (id_, metric) == (camera.id, "archive_frames_dropped_total")}
+        dropped = {reason: n for (id_, metric, reason), n in counters.items()
+                   if n and (id_, metric) == (camera.id, "archive_frames_dropped_total")}
         details.append(f"{camera.id}: the daemon counted as not recorded: {dropped or 'none'}")
         places = collections.defaultdict(list)
         for connection, n, part in account.unexplained:

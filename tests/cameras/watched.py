@@ -149,7 +149,7 @@ def serve(folder, port, options, ledger):
                 return None
             try:
                 if fate == "cut":
-                    self.is_ended_here = True
+                    self.is_ended_here, self.frame[1] = True, "cut"
                     # To connect to nobody resets a connection, also while another thread reads from it.
                     ctypes.CDLL(None).connect(self.s.fileno(), bytes(16), 16)
                 super().packet(bytes(packet))
