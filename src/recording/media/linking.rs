@@ -210,12 +210,13 @@ pub(super) fn watch(reader: &gst::Element, parts: &Parts<'_>) {
 
 /// Returns true where an element parses again what a container has parted into frames already (seen with 1.22): that of MPEG-4
 /// (part 2) joins or loses frames at the stream's ends, those of H.264 and H.265 lose nearly all of a file with broken
-/// times. A bare stream has neither a size nor the codec's header before it was parsed.
+/// times. A bare stream has neither a size nor the codec's header before it was parsed, and a container that does not say that
+/// its frames are whole (FLV) has none that a decoder takes as they are.
 fn loses_frames(factory: &gst::ElementFactory, caps: &gst::Caps) -> bool {
     let has = |field| caps.structure(0).is_some_and(|structure| structure.has_field(field));
     match factory.name().as_str() {
         "mpeg4videoparse" => has("width"),
-        "h264parse" | "h265parse" => has("codec_data"),
+        "h264parse" | "h265parse" => has("codec_data") && has("alignment"),
         _ => false,
     }
 }
