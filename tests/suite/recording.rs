@@ -4,6 +4,7 @@
 
 mod exports;
 mod killed;
+mod kinds;
 mod privacy;
 
 use serde_json::json;

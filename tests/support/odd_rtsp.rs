@@ -2,6 +2,7 @@
 
 #![expect(clippy::unwrap_used, reason = "helpers of tests fail as tests do")]
 
+use crate::video::start_numbered;
 use gstreamer as gst;
 use gstreamer::prelude::*;
 use gstreamer_app as gst_app;
@@ -13,6 +14,9 @@ use videofields_vision::clock::{Clock, SystemClock};
 
 /// Pictures between two key frames.
 const GROUP: usize = 5;
+
+/// Pictures that are shown over and over, two groups; each shows its number among them.
+pub const ODD_PICTURES: u64 = 2 * GROUP as u64;
 
 /// Time between two pictures.
 const INTERVAL: Duration = Duration::from_millis(40);
@@ -133,18 +137,14 @@ impl OddCamera {
     }
 }
 
-/// Makes two groups of pictures as RTP packets.
+/// Makes two groups of pictures, which show their numbers from 0 on, as RTP packets.
 fn packets() -> Vec<(usize, Vec<u8>)> {
-    gst::init().unwrap();
-    let description = format!(
-        "videotestsrc num-buffers={} pattern=ball ! video/x-raw,format=I420,width=320,height=240,framerate=25/1 ! \
-         x264enc tune=zerolatency key-int-max={GROUP} threads=1 ! rtph264pay pt=96 config-interval=-1 mtu=600 ! \
-         appsink name=out sync=false max-buffers=0",
-        2 * GROUP
+    let rest = format!(
+        "x264enc tune=zerolatency key-int-max={GROUP} threads=1 ! rtph264pay pt=96 config-interval=-1 mtu=600 ! \
+         appsink name=out sync=false max-buffers=0"
     );
-    let pipeline = gst::parse::launch(&description).unwrap().downcast::<gst::Pipeline>().unwrap();
+    let pipeline = start_numbered((ODD_PICTURES, 25), (320, 240), &rest);
     let sink = pipeline.by_name("out").unwrap().downcast::<gst_app::AppSink>().unwrap();
-    pipeline.set_state(gst::State::Playing).unwrap();
     let (mut found, mut n_pictures): (Vec<(usize, Vec<u8>)>, usize) = (Vec::new(), 0);
     let mut keep = |buffer: &gst::BufferRef| {
         let bytes = buffer.map_readable().unwrap().to_vec();

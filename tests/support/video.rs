@@ -60,10 +60,11 @@ pub struct Numbered<'a> {
     pub muxer: &'a str,
 }
 
-/// Columns of one bit of the number, and rows of the picture.
-const BIT_PX: u32 = 16;
+/// Bits of the number, each a band of columns.
 const BITS: u32 = 12;
-const ROWS: u32 = 96;
+
+/// Columns and rows of a film whose writer asks for no other.
+const USUAL_PX: (u32, u32) = (192, 96);
 
 impl Numbered<'_> {
     /// Writes it to `path`.
@@ -71,48 +72,79 @@ impl Numbered<'_> {
     /// # Panics
     /// When it cannot be written.
     pub fn write(&self, path: &Path) {
-        gst::init().unwrap();
-        let (width, height) = (BITS * BIT_PX, ROWS);
-        let description = format!(
-            "appsrc name=in format=time caps=video/x-raw,format=I420,width={width},height={height},framerate={}/1 ! \
-             {} ! {} ! filesink location={}",
-            self.rate_hz,
-            self.encoder,
-            self.muxer,
-            path.display()
-        );
-        let pipeline = gst::parse::launch(&description).unwrap().downcast::<gst::Pipeline>().unwrap();
-        let source = pipeline.by_name("in").unwrap().downcast::<gst_app::AppSrc>().unwrap();
-        pipeline.set_state(gst::State::Playing).unwrap();
-        for number in 0..self.n_frames {
-            let mut data = vec![128_u8; (width * height * 3 / 2) as usize];
-            for (i, luma) in data[..(width * height) as usize].iter_mut().enumerate() {
-                let bit = i as u32 % width / BIT_PX;
-                *luma = if number >> bit & 1 == 1 { 220 } else { 30 };
-            }
-            let mut buffer = gst::Buffer::from_mut_slice(data);
-            let writable = buffer.get_mut().unwrap();
-            writable.set_pts(gst::ClockTime::from_nseconds(number * 1_000_000_000 / u64::from(self.rate_hz)));
-            writable.set_duration(gst::ClockTime::from_nseconds(1_000_000_000 / u64::from(self.rate_hz)));
-            source.push_buffer(buffer).unwrap();
-        }
-        source.end_of_stream().unwrap();
+        self.write_sized(path, USUAL_PX);
+    }
+
+    /// Writes it to `path` with so many columns and rows.
+    ///
+    /// # Panics
+    /// When it cannot be written.
+    pub fn write_sized(&self, path: &Path, size_px: (u32, u32)) {
+        let rest = format!("{} ! {} ! filesink location={}", self.encoder, self.muxer, path.display());
+        let pipeline = start_numbered((self.n_frames, self.rate_hz), size_px, &rest);
         let bus = pipeline.bus().unwrap();
         let ends = [gst::MessageType::Eos, gst::MessageType::Error];
         let end = bus.timed_pop_filtered(gst::ClockTime::from_seconds(60), &ends).unwrap();
-        assert!(matches!(end.view(), gst::MessageView::Eos(_)), "{description}: {end:?}");
+        assert!(matches!(end.view(), gst::MessageView::Eos(_)), "{rest}: {end:?}");
         pipeline.set_state(gst::State::Null).unwrap();
     }
 }
 
-/// The number that a frame of a [`Numbered`] film shows.
+/// Starts a pipeline into which so many pictures flow, each of which shows its own number, at so many a second; `rest` says what
+/// becomes of them.
 ///
 /// # Panics
-/// When the picture is not of such a film's size.
+/// When it cannot be built.
+pub fn start_numbered(
+    (n_frames, rate_hz): (u64, u32),
+    (width, height): (u32, u32),
+    rest: &str,
+) -> gst::Pipeline {
+    gst::init().unwrap();
+    let format = gst_video::VideoInfo::builder(gst_video::VideoFormat::I420, width, height);
+    let format = format.fps(gst::Fraction::new(rate_hz as i32, 1)).build().unwrap();
+    let pipeline = gst::parse::launch(&format!("appsrc name=in format=time ! {rest}")).unwrap();
+    let pipeline = pipeline.downcast::<gst::Pipeline>().unwrap();
+    let source = pipeline.by_name("in").unwrap().downcast::<gst_app::AppSrc>().unwrap();
+    source.set_caps(Some(&format.to_caps().unwrap()));
+    pipeline.set_state(gst::State::Playing).unwrap();
+    let luma_bytes = format.offset()[1];
+    let row_bytes = format.stride()[0] as usize;
+    for number in 0..n_frames {
+        let mut data = vec![128_u8; format.size()];
+        for row in data[..luma_bytes].chunks_mut(row_bytes).take(height as usize) {
+            for (x, luma) in (0..width).zip(row) {
+                *luma = luma_of(number, x, width);
+            }
+        }
+        let mut buffer = gst::Buffer::from_mut_slice(data);
+        let writable = buffer.get_mut().unwrap();
+        writable.set_pts(gst::ClockTime::from_nseconds(number * 1_000_000_000 / u64::from(rate_hz)));
+        writable.set_duration(gst::ClockTime::from_nseconds(1_000_000_000 / u64::from(rate_hz)));
+        source.push_buffer(buffer).unwrap();
+    }
+    source.end_of_stream().unwrap();
+    pipeline
+}
+
+/// Luma of a column of the picture that shows `number`.
+#[must_use]
+pub fn luma_of(number: u64, x: u32, width: u32) -> u8 {
+    if number >> (x * BITS / width) & 1 == 1 { 220 } else { 30 }
+}
+
+/// The number that a frame of a [`Numbered`] film shows, also where it was turned a quarter to the right.
 #[must_use]
 pub fn number_of(image: &YuvImage) -> u64 {
-    assert_eq!((image.width(), image.height()), (BITS * BIT_PX, ROWS));
-    let luma = image.plane(0).row(ROWS / 2);
-    let middle = |bit: u32| luma[(bit * BIT_PX + BIT_PX / 2) as usize];
-    (0..BITS).filter(|bit| middle(*bit) > 125).map(|bit| 1 << bit).sum()
+    let luma = image.plane(0);
+    let (width, height) = (luma.width, luma.height);
+    let middle = |length: u32, bit: u32| (2 * bit + 1) * length / (2 * BITS);
+    let bit_luma = |bit: u32| {
+        if width > height {
+            luma.row(height / 2)[middle(width, bit) as usize]
+        } else {
+            luma.row(middle(height, bit))[width as usize / 2]
+        }
+    };
+    (0..BITS).filter(|bit| bit_luma(*bit) > 125).map(|bit| 1 << bit).sum()
 }

@@ -10,7 +10,7 @@ use videofields_recording::media::{Decoder, Input, descriptor_path};
 use videofields_service::engine::EngineError;
 
 /// The numbers that are burned into a file's pictures, and their times in it.
-fn numbers(path: &Path) -> Vec<(u64, i64)> {
+pub(super) fn numbers(path: &Path) -> Vec<(u64, i64)> {
     let mut decoder = Decoder::start(Input::file(path).unwrap(), None).unwrap();
     let mut seen = Vec::new();
     while !decoder.has_ended() {
