@@ -15,7 +15,7 @@ use videofields_vision::clock::{Clock, SystemClock};
 /// Pictures between two key frames.
 const GROUP: usize = 5;
 
-/// Pictures that are shown over and over, two groups; each shows its number among them.
+/// Pictures that are sent over and over, two groups; those of an encrypted camera show their numbers, from 0 on.
 pub const ODD_PICTURES: u64 = 2 * GROUP as u64;
 
 /// Time between two pictures.
@@ -87,13 +87,14 @@ pub struct OddCamera {
 impl OddCamera {
     /// Starts a camera on loopback.
     pub fn start(oddities: Oddities) -> Self {
-        Self::listen(oddities, "rtsp", |stream| Box::new(stream))
+        Self::listen(oddities, ("rtsp", &ball()), |stream| Box::new(stream))
     }
 
-    /// Starts a camera without oddities whose connections are encrypted.
+    /// Starts a camera without oddities whose connections are encrypted, and whose pictures show their numbers.
     pub fn encrypted(config: &Arc<rustls::ServerConfig>) -> Self {
         let config = Arc::clone(config);
-        Self::listen(Oddities::default(), "rtsps", move |stream| {
+        let numbered = start_numbered((ODD_PICTURES, 25), (320, 240), &packing());
+        Self::listen(Oddities::default(), ("rtsps", &numbered), move |stream| {
             let connection = rustls::ServerConnection::new(Arc::clone(&config)).unwrap();
             Box::new(rustls::StreamOwned::new(connection, stream))
         })
@@ -101,13 +102,13 @@ impl OddCamera {
 
     fn listen(
         oddities: Oddities,
-        scheme: &'static str,
+        (scheme, pictures): (&'static str, &gst::Pipeline),
         wrap: impl Fn(TcpStream) -> Box<dyn Bytes> + Send + 'static,
     ) -> Self {
         let listener = TcpListener::bind("127.0.0.1:0").unwrap();
         let address = listener.local_addr().unwrap();
         let requests: Arc<Mutex<Vec<String>>> = Arc::default();
-        let (kept, packets) = (Arc::clone(&requests), Arc::new(packets()));
+        let (kept, packets) = (Arc::clone(&requests), Arc::new(packets(pictures)));
         let serve = move || {
             for stream in listener.incoming() {
                 let stream = stream.unwrap();
@@ -137,13 +138,28 @@ impl OddCamera {
     }
 }
 
-/// Makes two groups of pictures, which show their numbers from 0 on, as RTP packets.
-fn packets() -> Vec<(usize, Vec<u8>)> {
-    let rest = format!(
+/// What becomes of pictures that are sent.
+fn packing() -> String {
+    format!(
         "x264enc tune=zerolatency key-int-max={GROUP} threads=1 ! rtph264pay pt=96 config-interval=-1 mtu=600 ! \
          appsink name=out sync=false max-buffers=0"
+    )
+}
+
+/// Starts to make two groups of pictures of a ball.
+fn ball() -> gst::Pipeline {
+    gst::init().unwrap();
+    let description = format!(
+        "videotestsrc num-buffers={ODD_PICTURES} pattern=ball ! video/x-raw,format=I420,width=320,height=240,framerate=25/1 ! {}",
+        packing()
     );
-    let pipeline = start_numbered((ODD_PICTURES, 25), (320, 240), &rest);
+    let pipeline = gst::parse::launch(&description).unwrap().downcast::<gst::Pipeline>().unwrap();
+    pipeline.set_state(gst::State::Playing).unwrap();
+    pipeline
+}
+
+/// Takes two groups of pictures as RTP packets.
+fn packets(pipeline: &gst::Pipeline) -> Vec<(usize, Vec<u8>)> {
     let sink = pipeline.by_name("out").unwrap().downcast::<gst_app::AppSink>().unwrap();
     let (mut found, mut n_pictures): (Vec<(usize, Vec<u8>)>, usize) = (Vec::new(), 0);
     let mut keep = |buffer: &gst::BufferRef| {
