@@ -5,6 +5,7 @@
 #   tests/cameras/run.sh FOLDER [SECS]   also the servers of FOLDER: its media.sh makes what they send, its run_rtsp.py runs a daemon
 #                                        against one set of them for SECS seconds (12) and prints what each camera came to
 #
+# Cameras that fail at random for an hour, and where each of their frames is: tests/cameras/hour.py FOLDER.
 # Needs ffmpeg and Python 3 for a folder. Ends with 1 where a test of the suite fails.
 set -euo pipefail
 cd "$(dirname "$0")/../.."
