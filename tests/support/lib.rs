@@ -95,9 +95,9 @@ pub fn seeded(cases: u32) -> ProptestConfig {
 /// Asks again and again until there is an answer.
 ///
 /// # Panics
-/// When there is none within half a minute.
+/// When there is none within a minute and a half: a machine may be busy with more than tests.
 pub fn wait_for<T>(what: &str, mut ask: impl FnMut() -> Option<T>) -> T {
-    const MOST: Duration = Duration::from_secs(30);
+    const MOST: Duration = Duration::from_secs(90);
     let clock = SystemClock::new();
     while clock.monotonic() < MOST {
         if let Some(answer) = ask() {

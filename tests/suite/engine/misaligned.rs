@@ -34,7 +34,7 @@ const WALKS: [[DVec2; 2]; 9] = [
 ];
 
 /// Factor by which a test's clock runs faster than the machine's.
-const FASTER: u32 = 8;
+const FASTER: u32 = 5;
 
 /// A clock that runs fast.
 struct FastClock(SystemClock);
