@@ -11,8 +11,7 @@ use std::collections::VecDeque;
 /// Pairs the frames of one pass through a stream with its pictures.
 #[derive(Debug, Default)]
 pub(super) struct Pairing {
-    /// Each with the number of steps back that the stream's own time had taken when it was read.
-    waiting: VecDeque<(EncodedFrame, u64)>,
+    waiting: VecDeque<Waiting>,
     /// The stream's own time of each of the last pictures, and the time that it was given.
     times: TimeMap,
     /// The same of the pictures before the stream's own time stepped back last.
@@ -23,12 +22,34 @@ pub(super) struct Pairing {
     last: Option<(i64, i64)>,
 }
 
+/// A frame that waits for its picture.
+#[derive(Debug)]
+struct Waiting {
+    frame: EncodedFrame,
+    /// Steps back that the stream's own time had taken when it was read.
+    n_steps: u64,
+    /// True where its time is far beyond that of the next frame: it is wrong, or the camera's clock was set back.
+    is_leap: bool,
+}
+
+/// Distance by which a frame's time is far beyond the next one's: no codec reorders so much.
+const LEAP_NANOS: i64 = 2_000_000_000;
+
 impl Pairing {
     /// Adds the frame that was read next, before the next picture: so its own is one that comes.
     pub(super) fn push_frame(&mut self, frame: EncodedFrame) {
         let has_stepped =
             self.times.newest().is_some_and(|newest| frame.stream_nanos.is_some_and(|nanos| nanos <= newest));
-        self.waiting.push_back((frame, self.n_steps + u64::from(has_stepped)));
+        if let Some(before) = self.waiting.back_mut()
+            && let (Some(before_nanos), Some(nanos)) = (before.frame.stream_nanos, frame.stream_nanos)
+        {
+            before.is_leap = before_nanos.saturating_sub(nanos) > LEAP_NANOS;
+        }
+        self.waiting.push_back(Waiting {
+            frame,
+            n_steps: self.n_steps + u64::from(has_stepped),
+            is_leap: false,
+        });
     }
 
     /// Tells the time that the next picture was given, and the stream's own, if it had one.
@@ -43,28 +64,44 @@ impl Pairing {
 
     /// Returns how far before the stream's own time `stream_nanos` the first of the frames lies that wait and are not after it.
     pub(super) fn waiting_nanos(&self, stream_nanos: i64) -> Option<i64> {
-        let times = self.waiting.iter().filter_map(|(frame, _)| frame.stream_nanos);
+        let times = self.waiting.iter().filter_map(|waiting| waiting.frame.stream_nanos);
         let first = times.filter(|nanos| *nanos <= stream_nanos).min()?;
         Some(stream_nanos.saturating_sub(first))
     }
 
     /// The next frame whose time is known, its `stream_nanos` what its picture was given.
     pub(super) fn take(&mut self) -> Option<EncodedFrame> {
-        let newest = self.times.newest()?;
-        let (frame, n_steps) = self.waiting.front()?;
-        let is_before = || frame.stream_nanos.is_none_or(|nanos| nanos <= newest);
-        let is_known = *n_steps < self.n_steps || *n_steps == self.n_steps && is_before();
+        let front = self.waiting.front()?;
+        // Of one with a wrong time no picture may come: then that of the next one has.
+        let is_known = self.is_known(front)
+            || front.is_leap && self.waiting.get(1).is_some_and(|next| self.is_known(next));
         if is_known || self.waiting.len() > MAX_MOMENTS { self.take_anyway() } else { None }
     }
 
-    /// The next frame, also if its picture has not come: there will be no more pictures.
+    /// Returns true once a frame's picture, or a later one of the same clock, has come.
+    fn is_known(&self, Waiting { frame, n_steps, is_leap }: &Waiting) -> bool {
+        let Some(newest) = self.times.newest() else { return false };
+        let Some(nanos) = frame.stream_nanos else { return true };
+        if *is_leap {
+            return self.picture_time(nanos).is_some();
+        }
+        *n_steps < self.n_steps || *n_steps == self.n_steps && nanos <= newest
+    }
+
+    /// Returns the time that was given to the picture of exactly this time of the stream, before or after its last step back.
+    fn picture_time(&self, nanos: i64) -> Option<i64> {
+        self.times.exactly(nanos).or_else(|| self.times_before.exactly(nanos))
+    }
+
+    /// Returns the next frame, also if its picture has not come: there will be no more pictures.
     pub(super) fn take_anyway(&mut self) -> Option<EncodedFrame> {
-        let (mut frame, n_steps) = self.waiting.pop_front()?;
+        let Waiting { mut frame, n_steps, is_leap } = self.waiting.pop_front()?;
+        let next = self.last.map_or(0, |(last, interval)| last.saturating_add(interval));
         let times = if n_steps < self.n_steps { &self.times_before } else { &self.times };
-        let given = match frame.stream_nanos {
-            Some(nanos) => times.at(nanos).unwrap_or(nanos),
-            None => self.last.map_or(0, |(last, interval)| last.saturating_add(interval)),
-        };
+        let given = frame.stream_nanos.map_or(next, |nanos| {
+            let beside = || if is_leap { next } else { times.at(nanos).unwrap_or(nanos) };
+            self.picture_time(nanos).unwrap_or_else(beside)
+        });
         self.last = Some((given, frame.interval_nanos.unwrap_or(0).max(1)));
         frame.stream_nanos = Some(given);
         Some(frame)
@@ -127,6 +164,24 @@ mod tests {
         reading(&mut pairing, &[Some(120)]);
         pairing.push_picture(Some(120_000_000), 1_120_000_000);
         assert_eq!(taken(&mut pairing), [1080, 1120]);
+    }
+
+    #[test]
+    fn a_wrong_time_holds_up_nothing() {
+        let mut pairing = Pairing::default();
+        reading(&mut pairing, &[Some(0), Some(40), Some(37_600_000), Some(120), Some(160)]);
+        pairing.push_picture(Some(0), 0);
+        pairing.push_picture(Some(40_000_000), 40_000_000);
+        assert_eq!(taken(&mut pairing), [0, 40]);
+        // Its picture was replaced by the next.
+        pairing.push_picture(Some(120_000_000), 120_000_000);
+        assert_eq!(taken(&mut pairing), [80, 120]);
+        pairing.push_picture(Some(160_000_000), 160_000_000);
+        // Or its picture came.
+        reading(&mut pairing, &[Some(37_600_000), Some(240)]);
+        pairing.push_picture(Some(37_600_000_000_000), 200_000_000);
+        pairing.push_picture(Some(240_000_000), 240_000_000);
+        assert_eq!(taken(&mut pairing), [160, 200, 240]);
     }
 
     #[test]

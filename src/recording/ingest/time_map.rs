@@ -5,6 +5,9 @@ use std::collections::VecDeque;
 /// Moments that are remembered: more than any codec reorders.
 pub(super) const MAX_MOMENTS: usize = 64;
 
+/// Longest distance beyond the newest moment: what lies further has a wrong time.
+const MAX_BEYOND_NANOS: i64 = 5_000_000_000;
+
 /// The last moments of which both times are known, in nanoseconds; both grow from one moment to the next.
 #[derive(Clone, Debug, Default)]
 pub(super) struct TimeMap {
@@ -35,8 +38,14 @@ impl TimeMap {
         self.moments.back().map(|(from, _)| *from)
     }
 
+    /// Returns the second clock's time at `from` of the first if that is a moment.
+    pub(super) fn exactly(&self, from: i64) -> Option<i64> {
+        let at = self.moments.binary_search_by_key(&from, |(known, _)| *known).ok()?;
+        Some(self.moments[at].1)
+    }
+
     /// Returns the second clock's time at `from` of the first: between two moments in proportion, beyond them as far away as by the
-    /// first clock, but never down to the floor. The order of times is kept.
+    /// first clock, but never down to the floor and never more than five seconds ahead. The order of times is kept.
     pub(super) fn at(&self, from: i64) -> Option<i64> {
         let n_before = self.moments.partition_point(|(known, _)| *known <= from);
         let Some(last) = n_before.checked_sub(1).map(|last| self.moments[last]) else {
@@ -46,7 +55,9 @@ impl TimeMap {
             return Some(first_to.saturating_sub(squeezed(distance, room)));
         };
         let beyond = from.saturating_sub(last.0);
-        let Some(next) = self.moments.get(n_before) else { return Some(last.1.saturating_add(beyond)) };
+        let Some(next) = self.moments.get(n_before) else {
+            return Some(last.1.saturating_add(beyond.min(MAX_BEYOND_NANOS)));
+        };
         let (step_from, step_to) = (next.0.saturating_sub(last.0), next.1.saturating_sub(last.1));
         let part = i128::from(beyond) * i128::from(step_to) / i128::from(step_from.max(1));
         Some(last.1.saturating_add(i64::try_from(part).unwrap_or(step_to)))

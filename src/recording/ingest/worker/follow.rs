@@ -107,33 +107,41 @@ pub(super) struct RecordedTimes {
     times: TimeMap,
     /// The latest time of a frame, in nanoseconds.
     latest_nanos: Option<i64>,
-    /// Nanoseconds by which frames since the last key frame are later than their pictures.
-    shift_nanos: i64,
-    /// The time of the last key frame, and the latest time before it.
-    key_nanos: i64,
-    before_key_nanos: i64,
+    key: Key,
+}
+
+/// Times of the last key frame, in nanoseconds.
+#[derive(Debug, Default)]
+struct Key {
+    /// That of its picture, and that at which it is recorded.
+    own_nanos: i64,
+    recorded_nanos: i64,
+    /// The latest time before it.
+    before_nanos: i64,
 }
 
 impl RecordedTimes {
     /// Says that the next frame is the first of a new connection, whose stream time is another.
     fn begin(&mut self) {
         self.times = TimeMap::after(self.latest_nanos);
-        self.shift_nanos = 0;
     }
 
     /// Returns the time at which the next frame is recorded, in decoding order; none where no picture has come yet. Frames after a key
-    /// frame are seen after all before it. So one whose time says otherwise, since a time before it was wrong, is put behind them
-    /// with the frames that build on it. Frames that lead up to a key frame lie between both.
+    /// frame are seen after all before it. So one whose time says otherwise, since a time before it was wrong, is put behind them,
+    /// and the frames that build on it pass at half their pace until they are where they should be. Frames that lead up to a key
+    /// frame lie between both.
     fn stamp(&mut self, frame: &EncodedFrame) -> Option<Timestamp> {
         let own_nanos = self.times.at(frame.stream_nanos.unwrap_or(0))?;
         if frame.is_key {
-            let least_nanos = self.latest_nanos.map_or(own_nanos, |latest| latest.saturating_add(TICK_NANOS));
-            self.shift_nanos = least_nanos.saturating_sub(own_nanos).max(0);
-            self.before_key_nanos = self.latest_nanos.unwrap_or(i64::MIN);
-            self.key_nanos = own_nanos.saturating_add(self.shift_nanos);
+            let before_nanos = self.latest_nanos.unwrap_or(i64::MIN);
+            let recorded_nanos = own_nanos.max(before_nanos.saturating_add(TICK_NANOS));
+            self.key = Key { own_nanos, recorded_nanos, before_nanos };
         }
-        let mut nanos = own_nanos.saturating_add(self.shift_nanos);
-        if nanos < self.key_nanos && nanos <= self.before_key_nanos {
+        let Key { own_nanos: key_nanos, recorded_nanos, before_nanos } = self.key;
+        let since_key_nanos = own_nanos.saturating_sub(key_nanos);
+        let paced_nanos = if since_key_nanos < 0 { since_key_nanos } else { since_key_nanos / 2 };
+        let mut nanos = own_nanos.max(recorded_nanos.saturating_add(paced_nanos));
+        if nanos < recorded_nanos && nanos <= before_nanos {
             nanos = self.latest_nanos.unwrap_or(nanos).saturating_add(TICK_NANOS);
         }
         self.latest_nanos = Some(self.latest_nanos.map_or(nanos, |latest| latest.max(nanos)));
@@ -186,24 +194,12 @@ mod tests {
         recorded.begin();
         recorded.times.push(0, 1000 * MS);
         recorded.times.push(1000 * MS, 2000 * MS);
-        let frames = [
-            (0, true),
-            (100, false),
-            (700, false),
-            (300, true),
-            (400, false),
-            (500, true),
-            (600, false),
-            (900, true),
-        ];
+        let frames =
+            [(0, true), (100, false), (700, false), (300, true), (400, false), (500, true), (600, false)];
         let times = stamped(&mut recorded, &frames);
-        assert_eq!(times, [1000, 1100, 1700, 1700, 1800, 1800, 1900, 1900], "milliseconds");
-        assert_eq!(recorded.shift_nanos, 3 * TICK_NANOS);
-        assert_eq!(
-            stamped(&mut recorded, &[(1200, true), (1300, false)]),
-            [2200, 2300],
-            "real times are past it"
-        );
+        assert_eq!(times, [1000, 1100, 1700, 1700, 1750, 1750, 1800], "milliseconds");
+        let frames = [(700, true), (900, false), (1100, false), (1200, true), (1300, false)];
+        assert_eq!(stamped(&mut recorded, &frames), [1800, 1900, 2100, 2200, 2300], "where it should be");
         // One that leads up to its key frame stays, one of long before goes on from where it is.
         let frames = [(1600, true), (1500, false), (1000, false), (1700, false)];
         assert_eq!(stamped(&mut recorded, &frames), [2600, 2500, 2600, 2700]);
