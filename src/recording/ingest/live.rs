@@ -15,6 +15,9 @@ use videofields_vision::clock::Timestamp;
 /// How long one look for a frame lasts; the stop flag is heeded between looks.
 const LOOK: Duration = Duration::from_millis(100);
 
+/// Longest step between two pictures by which a time that steps back goes on: that of a picture every two seconds.
+const MAX_STEP_NANOS: i64 = 2_000_000_000;
+
 /// Most looks for a frame once a connection has ended: packets wait to be put in order for as long as one, then frames are parted.
 const MAX_DRAINING_LOOKS: u32 = 5;
 
@@ -35,6 +38,8 @@ pub(super) struct LiveSource {
     latest_nanos: i64,
     /// Between two pictures, as the stream promises it.
     interval_nanos: Option<i64>,
+    /// Between the last two pictures, by the stream's own time.
+    step_nanos: i64,
     end: End,
 }
 
@@ -64,6 +69,7 @@ impl LiveSource {
             first_nanos: None,
             latest_nanos: 0,
             interval_nanos: None,
+            step_nanos: 0,
             end: End::Open,
         })
     }
@@ -98,13 +104,18 @@ impl LiveSource {
             let own = self.first_nanos.map(|first| nanos.saturating_sub(first));
             own.filter(|own| *own >= least_nanos).unwrap_or_else(|| {
                 // Time that steps back goes on from where it stands, with room for the frames whose pictures were replaced.
-                let interval_nanos = self.interval_nanos.filter(|_| !is_first).unwrap_or(0);
+                let interval_nanos = self.interval_nanos.unwrap_or(self.step_nanos);
+                let interval_nanos = if is_first { 0 } else { interval_nanos };
                 let n_before = self.pairing.waiting_nanos(nanos).filter(|_| !is_first).unwrap_or(0);
                 let next_nanos = least_nanos.saturating_add(n_before).saturating_add(interval_nanos);
                 self.first_nanos = Some(nanos.saturating_sub(next_nanos));
                 next_nanos
             })
         });
+        let step_nanos = stream_nanos.saturating_sub(self.latest_nanos);
+        if (0..MAX_STEP_NANOS).contains(&step_nanos) {
+            self.step_nanos = step_nanos;
+        }
         self.latest_nanos = stream_nanos;
         self.pairing.push_picture(picture.stream_nanos, stream_nanos);
         let number = self.next_number;

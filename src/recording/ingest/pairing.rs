@@ -72,9 +72,10 @@ impl Pairing {
     /// The next frame whose time is known, its `stream_nanos` what its picture was given.
     pub(super) fn take(&mut self) -> Option<EncodedFrame> {
         let front = self.waiting.front()?;
-        // Of one with a wrong time no picture may come: then that of the next one has.
+        // Of one with a wrong time no picture may come, or one with another time: then that of the next one has.
+        let is_doubtful = front.is_leap || front.n_steps > self.n_steps;
         let is_known = self.is_known(front)
-            || front.is_leap && self.waiting.get(1).is_some_and(|next| self.is_known(next));
+            || is_doubtful && self.waiting.get(1).is_some_and(|next| self.is_known(next));
         if is_known || self.waiting.len() > MAX_MOMENTS { self.take_anyway() } else { None }
     }
 
@@ -99,7 +100,8 @@ impl Pairing {
         let next = self.last.map_or(0, |(last, interval)| last.saturating_add(interval));
         let times = if n_steps < self.n_steps { &self.times_before } else { &self.times };
         let given = frame.stream_nanos.map_or(next, |nanos| {
-            let beside = || if is_leap { next } else { times.at(nanos).unwrap_or(nanos) };
+            let is_doubtful = is_leap || n_steps > self.n_steps;
+            let beside = || if is_doubtful { next } else { times.at(nanos).unwrap_or(nanos) };
             self.picture_time(nanos).unwrap_or_else(beside)
         });
         self.last = Some((given, frame.interval_nanos.unwrap_or(0).max(1)));
@@ -177,11 +179,16 @@ mod tests {
         pairing.push_picture(Some(120_000_000), 120_000_000);
         assert_eq!(taken(&mut pairing), [80, 120]);
         pairing.push_picture(Some(160_000_000), 160_000_000);
+        // Or it was of before all.
+        reading(&mut pairing, &[Some(-37_600_000), Some(220)]);
+        assert_eq!(taken(&mut pairing), [160]);
+        pairing.push_picture(Some(220_000_000), 220_000_000);
+        assert_eq!(taken(&mut pairing), [200, 220]);
         // Or its picture came.
-        reading(&mut pairing, &[Some(37_600_000), Some(240)]);
-        pairing.push_picture(Some(37_600_000_000_000), 200_000_000);
-        pairing.push_picture(Some(240_000_000), 240_000_000);
-        assert_eq!(taken(&mut pairing), [160, 200, 240]);
+        reading(&mut pairing, &[Some(37_600_000), Some(300)]);
+        pairing.push_picture(Some(37_600_000_000_000), 260_000_000);
+        pairing.push_picture(Some(300_000_000), 300_000_000);
+        assert_eq!(taken(&mut pairing), [260, 300]);
     }
 
     #[test]
