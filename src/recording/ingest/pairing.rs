@@ -104,7 +104,12 @@ impl Pairing {
             let beside = || if is_doubtful { next } else { times.at(nanos).unwrap_or(nanos) };
             self.picture_time(nanos).unwrap_or_else(beside)
         });
-        self.last = Some((given, frame.interval_nanos.unwrap_or(0).max(1)));
+        // Where the stream promises no interval, the last step tells it.
+        let step = self.last.map_or(1, |(last, interval)| {
+            let step = given.saturating_sub(last);
+            if (1..LEAP_NANOS).contains(&step) { step } else { interval }
+        });
+        self.last = Some((given, frame.interval_nanos.filter(|nanos| *nanos > 0).unwrap_or(step)));
         frame.stream_nanos = Some(given);
         Some(frame)
     }
@@ -166,6 +171,18 @@ mod tests {
         reading(&mut pairing, &[Some(120)]);
         pairing.push_picture(Some(120_000_000), 1_120_000_000);
         assert_eq!(taken(&mut pairing), [1080, 1120]);
+    }
+
+    #[test]
+    fn a_frame_without_a_time_follows_by_the_last_step() {
+        let mut pairing = Pairing::default();
+        let format = Arc::new(EncodedFormat::named("image/jpeg"));
+        for nanos in [Some(0), Some(40_000_000), None, None] {
+            pairing.push_frame(EncodedFrame::blank(Arc::clone(&format), nanos, None));
+        }
+        pairing.push_picture(Some(0), 0);
+        pairing.push_picture(Some(40_000_000), 50_000_000);
+        assert_eq!(taken(&mut pairing), [0, 50, 100, 150]);
     }
 
     #[test]
