@@ -18,7 +18,11 @@ const LOOK: Duration = Duration::from_millis(100);
 /// Longest step between two pictures by which a time that steps back goes on: that of a picture every two seconds.
 const MAX_STEP_NANOS: i64 = 2_000_000_000;
 
-/// Most looks for a frame once a connection has ended: packets wait to be put in order for as long as one, then frames are parted.
+/// Longest time that waiting frames may claim before the picture at which a time steps back.
+const MAX_WAITING_NANOS: i64 = 10_000_000_000;
+
+/// Most looks for a picture once a connection has ended: packets wait a tenth of a second to be put in order, and the first picture of a
+/// young connection for its decoder.
 const MAX_DRAINING_LOOKS: u32 = 5;
 
 /// How long who asks for the next frame waits for it, seconds.
@@ -40,14 +44,14 @@ pub(super) struct LiveSource {
     interval_nanos: Option<i64>,
     /// Between the last two pictures, by the stream's own time.
     step_nanos: i64,
-    end: End,
+    connection: Connection,
 }
 
-/// State of a connection's end.
-enum End {
-    /// The connection goes on.
+/// State of a connection.
+enum Connection {
+    /// It goes on.
     Open,
-    /// It has ended so, and what came before is still on its way, for so many looks at most.
+    /// It has ended with this fault, and what came before is still on its way, for so many looks at most.
     Draining(Fault, u32),
     /// Nothing more comes.
     Over,
@@ -70,7 +74,7 @@ impl LiveSource {
             latest_nanos: 0,
             interval_nanos: None,
             step_nanos: 0,
-            end: End::Open,
+            connection: Connection::Open,
         })
     }
 
@@ -96,18 +100,20 @@ impl LiveSource {
         self.read_encoded();
         if let Some(queue) = self.encoded.as_ref().filter(|queue| queue.wants_pictures()) {
             push_as_jpeg(queue, &picture);
+            // A frame is paired before its picture is.
+            self.read_encoded();
         }
         self.interval_nanos = picture.interval_nanos.filter(|nanos| *nanos > 0);
         let is_first = self.next_number == 0;
-        let least_nanos = if is_first { 0 } else { self.latest_nanos + 1 };
+        let least_nanos = if is_first { 0 } else { self.latest_nanos.saturating_add(1) };
         let stream_nanos = picture.stream_nanos.map_or(least_nanos, |nanos| {
             let own = self.first_nanos.map(|first| nanos.saturating_sub(first));
             own.filter(|own| *own >= least_nanos).unwrap_or_else(|| {
                 // Time that steps back goes on from where it stands, with room for the frames whose pictures were replaced.
-                let interval_nanos = self.interval_nanos.unwrap_or(self.step_nanos);
-                let interval_nanos = if is_first { 0 } else { interval_nanos };
-                let n_before = self.pairing.waiting_nanos(nanos).filter(|_| !is_first).unwrap_or(0);
-                let next_nanos = least_nanos.saturating_add(n_before).saturating_add(interval_nanos);
+                let interval_nanos = self.interval_nanos.unwrap_or(self.step_nanos).min(MAX_STEP_NANOS);
+                let before_nanos = self.pairing.waiting_nanos(nanos).unwrap_or(0).min(MAX_WAITING_NANOS);
+                let room_nanos = if is_first { 0 } else { before_nanos + interval_nanos };
+                let next_nanos = least_nanos.saturating_add(room_nanos);
                 self.first_nanos = Some(nanos.saturating_sub(next_nanos));
                 next_nanos
             })
@@ -142,34 +148,38 @@ impl Source for LiveSource {
         if let Some(picture) = self.decoder.pull(LOOK) {
             return Ok(Polled::Frame(self.frame(picture)));
         }
-        match (std::mem::replace(&mut self.end, End::Over), self.decoder.fault()) {
-            (End::Open, Some(fault @ Fault::Connection(_))) => {
-                self.end = End::Draining(fault, MAX_DRAINING_LOOKS);
+        match (std::mem::replace(&mut self.connection, Connection::Over), self.decoder.fault()) {
+            (Connection::Open, Some(fault @ Fault::Connection(_))) => {
+                self.connection = Connection::Draining(fault, MAX_DRAINING_LOOKS);
             }
-            (End::Draining(fault, n_looks @ 1..), None)
+            (Connection::Draining(fault, n_looks @ 1..), None)
                 if self.next_number == 0 || !self.decoder.has_handed_over_all() =>
             {
-                self.end = End::Draining(fault, n_looks - 1);
+                self.connection = Connection::Draining(fault, n_looks - 1);
             }
-            (End::Open, None) if self.decoder.has_ended() => {
+            (Connection::Open, None) if self.decoder.has_ended() => {
                 return Err(IngestError::of_fault(&self.place, Fault::Connection(ConnectionFault::Closed)));
             }
-            (End::Open, None) => self.end = End::Open,
-            (End::Draining(fault, _), _) | (_, Some(fault)) => {
+            (Connection::Open, None) => self.connection = Connection::Open,
+            (Connection::Draining(fault, _), _) | (_, Some(fault)) => {
                 return Err(IngestError::of_fault(&self.place, fault));
             }
-            (End::Over, None) => return Err(IngestError::Stopped),
+            (Connection::Over, None) => return Err(IngestError::Stopped),
         }
         Ok(Polled::Waiting)
     }
 
     fn take_encoded(&mut self) -> Option<EncodedFrame> {
         self.read_encoded();
-        if matches!(self.end, End::Over) { self.pairing.take_anyway() } else { self.pairing.take() }
+        if matches!(self.connection, Connection::Over) {
+            self.pairing.take_anyway()
+        } else {
+            self.pairing.take()
+        }
     }
 
     fn end_encoded(&mut self) {
-        self.end = End::Over;
+        self.connection = Connection::Over;
     }
 
     fn n_encoded_dropped(&self) -> u64 {

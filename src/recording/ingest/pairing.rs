@@ -17,8 +17,8 @@ pub(super) struct Pairing {
     /// The same of the pictures before the stream's own time stepped back last.
     times_before: TimeMap,
     /// Steps back of the pictures' own times.
-    n_steps: u64,
-    /// Time that was given last, and the distance that was promised then.
+    n_setbacks: u64,
+    /// Time that was given last, and the distance to the next: as it was promised, or the last step.
     last: Option<(i64, i64)>,
 }
 
@@ -27,7 +27,7 @@ pub(super) struct Pairing {
 struct Waiting {
     frame: EncodedFrame,
     /// Steps back that the stream's own time had taken when it was read.
-    n_steps: u64,
+    n_setbacks: u64,
     /// True where its time is far beyond that of the next frame: it is wrong, or the camera's clock was set back.
     is_leap: bool,
 }
@@ -36,7 +36,7 @@ struct Waiting {
 const LEAP_NANOS: i64 = 2_000_000_000;
 
 impl Pairing {
-    /// Adds the frame that was read next, before the next picture: so its own is one that comes.
+    /// Adds the frame that was read next. It must be added before its own picture is: so a picture that came already is not its own.
     pub(super) fn push_frame(&mut self, frame: EncodedFrame) {
         let has_stepped =
             self.times.newest().is_some_and(|newest| frame.stream_nanos.is_some_and(|nanos| nanos <= newest));
@@ -47,7 +47,7 @@ impl Pairing {
         }
         self.waiting.push_back(Waiting {
             frame,
-            n_steps: self.n_steps + u64::from(has_stepped),
+            n_setbacks: self.n_setbacks + u64::from(has_stepped),
             is_leap: false,
         });
     }
@@ -57,7 +57,7 @@ impl Pairing {
         let Some(stream_nanos) = stream_nanos else { return };
         if self.times.newest().is_some_and(|newest| stream_nanos <= newest) {
             self.times_before = std::mem::take(&mut self.times);
-            self.n_steps += 1;
+            self.n_setbacks += 1;
         }
         self.times.push(stream_nanos, given_nanos);
     }
@@ -73,36 +73,45 @@ impl Pairing {
     pub(super) fn take(&mut self) -> Option<EncodedFrame> {
         let front = self.waiting.front()?;
         // Of one with a wrong time no picture may come, or one with another time: then that of the next one has.
-        let is_doubtful = front.is_leap || front.n_steps > self.n_steps;
-        let is_known = self.is_known(front)
-            || is_doubtful && self.waiting.get(1).is_some_and(|next| self.is_known(next));
+        let is_doubtful = |waiting: &Waiting| waiting.is_leap || waiting.n_setbacks > self.n_setbacks;
+        let is_passed = || {
+            let mut behind = self.waiting.iter().skip(1);
+            behind.find(|waiting| !is_doubtful(waiting)).is_some_and(|waiting| self.is_known(waiting))
+        };
+        let is_known = self.is_known(front) || is_doubtful(front) && is_passed();
         if is_known || self.waiting.len() > MAX_MOMENTS { self.take_anyway() } else { None }
     }
 
     /// Returns true once a frame's picture, or a later one of the same clock, has come.
-    fn is_known(&self, Waiting { frame, n_steps, is_leap }: &Waiting) -> bool {
+    fn is_known(&self, Waiting { frame, n_setbacks, is_leap }: &Waiting) -> bool {
         let Some(newest) = self.times.newest() else { return false };
         let Some(nanos) = frame.stream_nanos else { return true };
         if *is_leap {
-            return self.picture_time(nanos).is_some();
+            return self.picture_time(nanos, *n_setbacks).is_some();
         }
-        *n_steps < self.n_steps || *n_steps == self.n_steps && nanos <= newest
+        *n_setbacks < self.n_setbacks || *n_setbacks == self.n_setbacks && nanos <= newest
     }
 
-    /// Returns the time that was given to the picture of exactly this time of the stream, before or after its last step back.
-    fn picture_time(&self, nanos: i64) -> Option<i64> {
-        self.times.exactly(nanos).or_else(|| self.times_before.exactly(nanos))
+    /// Returns the time that was given to the picture of exactly this time of the stream, by the clock of the frame where that is known.
+    fn picture_time(&self, nanos: i64, n_setbacks: u64) -> Option<i64> {
+        match n_setbacks.cmp(&self.n_setbacks) {
+            std::cmp::Ordering::Less => {
+                self.times_before.exactly(nanos).or_else(|| self.times.exactly(nanos))
+            }
+            std::cmp::Ordering::Equal => self.times.exactly(nanos),
+            std::cmp::Ordering::Greater => None,
+        }
     }
 
     /// Returns the next frame, also if its picture has not come: there will be no more pictures.
     pub(super) fn take_anyway(&mut self) -> Option<EncodedFrame> {
-        let Waiting { mut frame, n_steps, is_leap } = self.waiting.pop_front()?;
+        let Waiting { mut frame, n_setbacks, is_leap } = self.waiting.pop_front()?;
         let next = self.last.map_or(0, |(last, interval)| last.saturating_add(interval));
-        let times = if n_steps < self.n_steps { &self.times_before } else { &self.times };
+        let times = if n_setbacks < self.n_setbacks { &self.times_before } else { &self.times };
         let given = frame.stream_nanos.map_or(next, |nanos| {
-            let is_doubtful = is_leap || n_steps > self.n_steps;
+            let is_doubtful = is_leap || n_setbacks > self.n_setbacks;
             let beside = || if is_doubtful { next } else { times.at(nanos).unwrap_or(nanos) };
-            self.picture_time(nanos).unwrap_or_else(beside)
+            self.picture_time(nanos, n_setbacks).unwrap_or_else(beside)
         });
         // Where the stream promises no interval, the last step tells it.
         let step = self.last.map_or(1, |(last, interval)| {

@@ -5,10 +5,10 @@ use std::collections::VecDeque;
 /// Moments that are remembered: more than any codec reorders.
 pub(super) const MAX_MOMENTS: usize = 64;
 
-/// Longest distance beyond the newest moment: what lies further has a wrong time.
-const MAX_BEYOND_NANOS: i64 = 5_000_000_000;
+/// Longest distance beyond the newest moment: what lies further has a wrong time. A camera that falls silent is given up before that.
+const MAX_BEYOND_NANOS: i64 = 15_000_000_000;
 
-/// The last moments of which both times are known, in nanoseconds; both grow from one moment to the next.
+/// The last moments of which both times are known, in nanoseconds; the first clock's grow from one moment to the next.
 #[derive(Clone, Debug, Default)]
 pub(super) struct TimeMap {
     moments: VecDeque<(i64, i64)>,
@@ -38,14 +38,14 @@ impl TimeMap {
         self.moments.back().map(|(from, _)| *from)
     }
 
-    /// Returns the second clock's time at `from` of the first if that is a moment.
+    /// Returns the second clock's time at `from` of the first if a moment has exactly that time.
     pub(super) fn exactly(&self, from: i64) -> Option<i64> {
         let at = self.moments.binary_search_by_key(&from, |(known, _)| *known).ok()?;
         Some(self.moments[at].1)
     }
 
     /// Returns the second clock's time at `from` of the first: between two moments in proportion, beyond them as far away as by the
-    /// first clock, but never down to the floor and never more than five seconds ahead. The order of times is kept.
+    /// first clock, but never below the floor and never more than 15 seconds ahead. The order of times is kept.
     pub(super) fn at(&self, from: i64) -> Option<i64> {
         let n_before = self.moments.partition_point(|(known, _)| *known <= from);
         let Some(last) = n_before.checked_sub(1).map(|last| self.moments[last]) else {

@@ -138,12 +138,13 @@ pub(super) fn spawn<F: Future<Output = Option<Fault>>>(
             Err(error) => Some(gstreamer_fault("start a connection", &error)),
         };
         if let Some(fault) = fault {
+            // First, so that what the pipeline says of its end is no fault.
+            report(&faults, fault);
             for source in sources {
                 if let Err(error) = source.end_of_stream() {
                     tracing::trace!(%error, "a pipeline has ended already");
                 }
             }
-            report(&faults, fault);
         }
     };
     let thread = std::thread::Builder::new().name(name.to_owned()).spawn(work);

@@ -50,17 +50,25 @@ fn frame(mut rest: &[u8]) -> Option<(Size, u8)> {
         let length = usize::from(u16::from_be_bytes([*high, *low]));
         match *marker {
             0xd9 | 0xda => return found,
-            0xc0..=0xcf if found.is_some() && !matches!(*marker, 0xc4 | 0xc8 | 0xcc) => return None,
-            0xc0..=0xcf if !matches!(*marker, 0xc4 | 0xc8 | 0xcc) => {
+            _ if found.is_some() && is_frame_header(&[0xff, *marker]) => return None,
+            _ if is_frame_header(&[0xff, *marker]) => {
                 let [_precision, h0, h1, w0, w1, n_components, ..] = body else { return None };
                 let side = |high, low| u32::from(u16::from_be_bytes([high, low]));
                 found = Some(((side(*w0, *w1), side(*h0, *h1)), *n_components));
             }
             _ => {}
         }
-        let Some(next) = length.checked_sub(2).and_then(|length| body.get(length..)) else { return found };
+        let Some(next) = length.checked_sub(2).and_then(|length| body.get(length..)) else {
+            // A segment that ends behind the picture. Decoders that go on to the next marker would find another header.
+            return found.filter(|_| !body.windows(2).any(is_frame_header));
+        };
         rest = next;
     }
+}
+
+/// Returns true for the marker of a frame header (ITU-T T.81, table B.1): the others among them are of tables.
+const fn is_frame_header(marker: &[u8]) -> bool {
+    matches!(marker, [0xff, 0xc0..=0xcf]) && !matches!(marker, [0xff, 0xc4 | 0xc8 | 0xcc])
 }
 
 #[cfg(test)]
@@ -106,6 +114,17 @@ mod tests {
             (announced(&behind), is_whole(&behind)),
             (Announced::Unreadable, false),
             "behind bytes that are lost"
+        );
+        let beyond = [
+            &whole[..start],
+            &[0xff, 0xc3, 0, 11, 8, 0, 9, 0, 9, 1, 1, 0x11, 0, 0xff, 0xfc, 0xff, 0xff],
+            &whole[start..],
+        ]
+        .concat();
+        assert_eq!(
+            (announced(&beyond), is_whole(&beyond)),
+            (Announced::Unreadable, false),
+            "within a segment beyond the end"
         );
         let ended = [&whole[..2], &[0xff, 0xd9, 0, 4, 0, 0], &whole[2..]].concat();
         assert_eq!((announced(&ended), is_whole(&ended)), (Announced::Unreadable, false));

@@ -49,7 +49,7 @@ pub(super) fn count_entries(element: &gst::Element, n_entered: &Arc<AtomicU64>) 
 /// dropped frame, or the byte that follows two MPEG-4 frames packed into one buffer (`DivX` and Xvid write AVI files so).
 fn is_placeholder(kind: &str, bytes: &[u8]) -> bool {
     let has_start_code = || bytes.windows(3).any(|window| window == [0, 0, 1]);
-    bytes.is_empty() || (kind == "video/mpeg" && !has_start_code())
+    bytes.is_empty() || (matches!(kind, "video/mpeg" | "video/x-divx" | "video/x-xvid") && !has_start_code())
 }
 
 /// Lets the decoder of a live input leave out what it cannot decode, however much that is, and keeps from it broken JPEG
@@ -180,7 +180,7 @@ mod tests {
     #[test]
     fn placeholders_of_files_are_told_from_small_frames() {
         let not_coded = [0, 0, 1, 0xb6, 0x50, 0x7f];
-        assert!(is_placeholder("video/mpeg", &[0x7f]) && is_placeholder("video/mpeg", &[0; 8]));
+        assert!(is_placeholder("video/x-divx", &[0x7f]) && is_placeholder("video/mpeg", &[0; 8]));
         assert!(!is_placeholder("video/mpeg", &not_coded), "a repeated frame of MPEG-4");
         assert!(!is_placeholder("video/x-vp9", &[0x80]), "a frame that is shown again");
         assert!(is_placeholder("video/x-vp8", &[]));

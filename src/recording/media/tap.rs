@@ -149,7 +149,7 @@ fn packaging(stream: &gst::StructureRef) -> Result<Vec<gst::Element>, glib::Bool
 }
 
 /// Makes the end of a stream of encoded frames: each goes to the queue and to `also`, where they are. Behind the last one `has_ended`
-/// is set. Frames of which nothing came that is seen are left out and counted.
+/// is set. Frames without a part of a picture are left out, and counted where the picture was lost.
 fn make_sink(
     queue: Option<&Arc<EncodedQueue>>,
     also: Option<FrameHandler>,
@@ -166,12 +166,20 @@ fn make_sink(
         });
     }
     let (queue, n_damaged) = (queue.cloned(), Arc::clone(n_damaged));
+    let was_lost = AtomicBool::new(false);
     // The format changes rarely, if ever, and all frames of one share it.
     let format: Mutex<Option<Arc<EncodedFormat>>> = Mutex::default();
     let take = move |sink: &gst_app::AppSink| {
-        let sample = sink.pull_sample().map_err(|_ended: glib::BoolError| gst::FlowError::Eos)?;
-        if lacks_picture(&sample, &n_damaged) {
+        let mut sample = sink.pull_sample().map_err(|_ended: glib::BoolError| gst::FlowError::Eos)?;
+        let content = content_of(&sample);
+        if content != Content::Picture {
+            n_damaged.fetch_add(u64::from(content == Content::Nothing), Ordering::Relaxed);
+            was_lost.fetch_or(content == Content::Nothing || is_marked(&sample), Ordering::Relaxed);
             return Ok(gst::FlowSuccess::Ok);
+        }
+        if was_lost.swap(false, Ordering::Relaxed) {
+            // A decoder learns of the loss by the frame behind it.
+            mark(&mut sample);
         }
         // First, so that a picture that is taken finds its encoded frame in the queue.
         if let Some(queue) = queue.as_ref().filter(|queue| !queue.wants_pictures()) {
@@ -188,17 +196,24 @@ fn make_sink(
     sink
 }
 
-/// Returns true for a frame without a picture: its picture was lost, which is counted, or it was never one, but headers of the codec
-/// alone. A parser takes both for key frames.
-fn lacks_picture(sample: &gst::SampleRef, n_damaged: &AtomicU64) -> bool {
+/// Returns the content of a frame: of those without a picture the picture was lost, or they hold headers of the codec alone. A parser
+/// takes both for key frames.
+fn content_of(sample: &gst::SampleRef) -> Content {
     let format = sample.caps().and_then(|caps| caps.structure(0));
     let bytes = sample.buffer().and_then(|buffer| buffer.map_readable().ok());
-    let (Some(format), Some(bytes)) = (format, bytes) else { return false };
-    let content = nal_content(format, &bytes);
-    if content == Content::Nothing {
-        n_damaged.fetch_add(1, Ordering::Relaxed);
-    }
-    content != Content::Picture
+    format.zip(bytes).map_or(Content::Picture, |(format, bytes)| nal_content(format, &bytes))
+}
+
+/// Returns true for a frame before which something was lost.
+fn is_marked(sample: &gst::SampleRef) -> bool {
+    sample.buffer().is_some_and(|buffer| buffer.flags().contains(gst::BufferFlags::DISCONT))
+}
+
+/// Marks a frame as one before which something was lost.
+fn mark(sample: &mut gst::Sample) {
+    let Some(mut buffer) = sample.buffer_owned() else { return };
+    buffer.make_mut().set_flags(gst::BufferFlags::DISCONT);
+    sample.make_mut().set_buffer(Some(&buffer));
 }
 
 fn record(queue: &EncodedQueue, sample: &gst::Sample, format: &Mutex<Option<Arc<EncodedFormat>>>) {

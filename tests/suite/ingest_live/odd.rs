@@ -85,37 +85,62 @@ fn a_transport_that_is_refused_is_followed_by_the_other() {
     camera.wait_failed("neither over TCP nor over UDP");
 }
 
-/// Keeps the times of the encoded frames that it is to record.
+/// Keeps the times of pictures and of the encoded frames that it is to record.
 #[derive(Clone, Default)]
-struct Recorded(Arc<Mutex<Vec<Timestamp>>>);
+struct Recorded {
+    seen: Arc<Mutex<Vec<Timestamp>>>,
+    recorded: Arc<Mutex<Vec<Timestamp>>>,
+}
 
 impl FrameConsumer for Recorded {
-    fn consume(&mut self, _frame: Frame) {}
+    fn consume(&mut self, frame: Frame) {
+        self.seen.lock().unwrap().push(frame.timestamp);
+    }
 
     fn tap(&self) -> ingest::Tap {
         ingest::Tap::Open
     }
 
     fn record(&mut self, _frame: &EncodedFrame, time: Timestamp) {
-        self.0.lock().unwrap().push(time);
+        self.recorded.lock().unwrap().push(time);
     }
+}
+
+/// Connects to a camera that is recorded.
+fn record(url: &str) -> (CameraWorker, Recorded) {
+    let recorded = Recorded::default();
+    let clock: Arc<dyn Clock> = Arc::new(SystemClock::new());
+    let (id, start) = (CameraId::new("yard").unwrap(), (clock.now(), clock.monotonic()));
+    let consumer = Box::new(recorded.clone());
+    (CameraWorker::spawn(id, settings(url), roots(), clock, start, consumer).unwrap(), recorded)
+}
+
+#[test]
+fn pictures_that_come_unencoded_are_recorded_as_they_come() {
+    let server = RtspServer::start(
+        0,
+        "videotestsrc is-live=true pattern=ball ! video/x-raw,format=I420,width=64,height=48,framerate=25/1 ! \
+         rtpvrawpay name=pay0 pt=96",
+        None,
+    );
+    let (worker, recorded) = record(&server.url());
+    wait_for("pictures", || (recorded.seen.lock().unwrap().len() >= 30).then_some(()));
+    drop(worker);
+    let (seen, recorded) = (recorded.seen.lock().unwrap(), recorded.recorded.lock().unwrap());
+    assert_eq!(*recorded, *seen);
 }
 
 #[test]
 fn frames_on_their_way_when_a_connection_ends_are_recorded() {
     const N_SENT: usize = 23;
     let server = OddCamera::start(Oddities { ends_after: Some(N_SENT), ..Oddities::default() });
-    let recorded = Recorded::default();
-    let clock: Arc<dyn Clock> = Arc::new(SystemClock::new());
-    let (id, start) = (CameraId::new("yard").unwrap(), (clock.now(), clock.monotonic()));
-    let consumer = Box::new(recorded.clone());
-    let worker = CameraWorker::spawn(id, settings(&server.url()), roots(), clock, start, consumer).unwrap();
+    let (worker, recorded) = record(&server.url());
     for n_connections in 1..=2 {
         wait_for("the end", || {
             let status = worker.status();
             (status.state == CameraState::Failed && status.retries == n_connections - 1).then_some(())
         });
-        let times = recorded.0.lock().unwrap().clone();
+        let times = recorded.recorded.lock().unwrap().clone();
         assert_eq!(times.len(), n_connections as usize * N_SENT);
         assert!(times.windows(2).all(|pair| pair[0] < pair[1]), "{times:?}");
     }

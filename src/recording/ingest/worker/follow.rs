@@ -8,6 +8,7 @@ use crate::ingest::status::CameraState;
 use crate::ingest::time_map::TimeMap;
 use crate::ingest::{CameraError, IngestError, Lost, Polled, Source, Tap};
 use crate::media::{EncodedFrame, TICK_NANOS};
+use crate::telemetry::DropReason;
 use std::time::Duration;
 use videofields_vision::clock::Timestamp;
 
@@ -79,10 +80,13 @@ impl Camera {
             return;
         }
         while let Some(frame) = source.take_encoded() {
-            if let Some(time) = self.recorded.stamp(&frame) {
-                let time = self.scene_time(time);
-                self.consumer.record(&frame, time);
-            }
+            let Some(time) = self.recorded.stamp(&frame) else {
+                // No picture has come of the whole connection.
+                self.leave_out(DropReason::Damaged, 1);
+                continue;
+            };
+            let time = self.scene_time(time);
+            self.consumer.record(&frame, time);
         }
     }
 
@@ -107,14 +111,15 @@ pub(super) struct RecordedTimes {
     times: TimeMap,
     /// The latest time of a frame, in nanoseconds.
     latest_nanos: Option<i64>,
-    key: Key,
+    key: LastKeyFrame,
 }
 
 /// Times of the last key frame, in nanoseconds.
 #[derive(Debug, Default)]
-struct Key {
-    /// That of its picture, and that at which it is recorded.
+struct LastKeyFrame {
+    /// The time of its picture.
     own_nanos: i64,
+    /// The time at which it is recorded.
     recorded_nanos: i64,
     /// The latest time before it.
     before_nanos: i64,
@@ -135,9 +140,9 @@ impl RecordedTimes {
         if frame.is_key {
             let before_nanos = self.latest_nanos.unwrap_or(i64::MIN);
             let recorded_nanos = own_nanos.max(before_nanos.saturating_add(TICK_NANOS));
-            self.key = Key { own_nanos, recorded_nanos, before_nanos };
+            self.key = LastKeyFrame { own_nanos, recorded_nanos, before_nanos };
         }
-        let Key { own_nanos: key_nanos, recorded_nanos, before_nanos } = self.key;
+        let LastKeyFrame { own_nanos: key_nanos, recorded_nanos, before_nanos } = self.key;
         let since_key_nanos = own_nanos.saturating_sub(key_nanos);
         let paced_nanos = if since_key_nanos < 0 { since_key_nanos } else { since_key_nanos / 2 };
         let mut nanos = own_nanos.max(recorded_nanos.saturating_add(paced_nanos));

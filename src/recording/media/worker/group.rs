@@ -41,12 +41,16 @@ impl Drop for Group {
     }
 }
 
-/// Returns the group of all workers, if the daemon has one to give. To be called before the first worker is started: then the daemon
-/// is alone in its group.
-pub(super) fn root() -> Option<&'static Root> {
+/// Parts the daemon's group between it and workers, once, if it was delegated to the daemon; returns the group of all workers. To be
+/// called before the first worker is started: then the daemon is alone in its group.
+pub(super) fn parted() -> Option<&'static Root> {
     static ROOT: OnceLock<Option<Root>> = OnceLock::new();
     let make = || {
-        let root = Root::new(&own_folder()?, std::process::id());
+        let folder = own_folder()?;
+        if !is_delegated(&folder) {
+            return None;
+        }
+        let root = Root::new(&folder, std::process::id());
         root.inspect_err(|error| tracing::debug!(%error, "decoding processes have no control group")).ok()
     };
     ROOT.get_or_init(make).as_ref()
@@ -74,8 +78,8 @@ impl Root {
             .into_iter()
             .filter(|name| found.split_whitespace().any(|word| word == *name))
             .collect();
-        if found.is_empty() {
-            return Err(io::Error::other("no controller of processors, memory or threads is delegated"));
+        if !found.contains(&"cpu") || !found.contains(&"memory") {
+            return Err(io::Error::other("the controllers of processors and memory are not delegated"));
         }
         let (daemon, workers) = (folder.join("daemon"), folder.join("decoders"));
         make(&daemon)?;
@@ -84,9 +88,7 @@ impl Root {
         let enabled = found.iter().map(|name| format!("+{name}")).collect::<Vec<_>>().join(" ");
         write(folder, "cgroup.subtree_control", &enabled)?;
         write(&workers, "cgroup.subtree_control", &enabled)?;
-        if found.contains(&"cpu") {
-            write(&workers, "cpu.weight", &WEIGHT.to_string())?;
-        }
+        write(&workers, "cpu.weight", &WEIGHT.to_string())?;
         Ok(Self { folder: workers })
     }
 
@@ -118,6 +120,14 @@ impl Root {
         write(&group.folder, "cgroup.procs", &process_id.to_string())?;
         Ok(group)
     }
+}
+
+/// Returns true for a group that its service manager marked as delegated (systemd from 251 on).
+fn is_delegated(folder: &Path) -> bool {
+    let mut value = [0; 1];
+    let mut has_mark =
+        |name: &str| matches!(rustix::fs::getxattr(folder, name, &mut value), Ok(1)) && value == *b"1";
+    has_mark("user.delegate") || has_mark("trusted.delegate")
 }
 
 fn make(folder: &Path) -> io::Result<()> {
@@ -221,7 +231,7 @@ mod tests {
     #[test]
     fn a_group_with_others_in_it_or_nothing_to_limit_by_is_left_alone() {
         for (members, controllers) in
-            [("41\n7\n", "cpu memory"), ("7\n", "cpu"), ("41\n", "cpuset io\n"), ("41\n", "")]
+            [("41\n7\n", "cpu memory"), ("7\n", "cpu memory"), ("41\n", "cpu pids\n"), ("41\n", "")]
         {
             let folder = delegated(members, controllers);
             assert!(Root::new(folder.path(), 41).is_err(), "{members:?} {controllers:?}");

@@ -79,7 +79,7 @@ pub(super) struct Process {
     child: Child,
     socket: OwnedFd,
     said: File,
-    /// Is dropped once the child has ended.
+    /// The control group that limits it; dropped after the child has ended.
     group: Option<Group>,
 }
 
@@ -131,7 +131,7 @@ impl Process {
             let is_of_gstreamer = name.starts_with("GST_") && !name.starts_with("GST_DEBUG_");
             KEPT_VARIABLES.contains(&name.as_ref()) || is_of_gstreamer
         };
-        let groups = group::root();
+        let groups = group::parted();
         let child = Command::new("/proc/self/exe")
             .arg0(NAME)
             .arg(ARGUMENT)
