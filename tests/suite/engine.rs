@@ -48,7 +48,8 @@ use videofields_service::engine::{
 use videofields_testing::wait_for;
 use videofields_vision::clock::{Clock, SystemClock, Timestamp};
 use videofields_vision::config::{
-    CameraSettings, ClockSettings, Config, End, SegmentSettings, Settings, SourceSettings, TrackSettings,
+    CameraSettings, ClockSettings, Config, End, Pace, SegmentSettings, Settings, SourceSettings,
+    TrackSettings,
 };
 use videofields_vision::error::ErrorKind;
 use videofields_vision::frame::{CameraId, RgbImage};
@@ -115,6 +116,8 @@ fn camera(id: &str, path: impl Into<PathBuf>, end: End) -> CameraSettings {
         source: SourceSettings {
             rate_hz: RATE_HZ,
             end,
+            // None is left out, however busy the machine is.
+            pace: if end == End::Stop { Pace::All } else { Pace::RealTime },
             start: Some(Timestamp::from_nanos(0)),
             ..SourceSettings::of_path(path)
         },
