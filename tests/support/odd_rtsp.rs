@@ -138,7 +138,7 @@ impl OddCamera {
     }
 }
 
-/// What becomes of pictures that are sent.
+/// Fate of pictures that are sent.
 fn packing() -> String {
     format!(
         "x264enc tune=zerolatency key-int-max={GROUP} threads=1 ! rtph264pay pt=96 config-interval=-1 mtu=600 ! \

@@ -15,8 +15,7 @@ use videofields_vision::frame::YuvImage;
 
 const NANOS_PER_SEC: f64 = 1e9;
 
-/// How often a live source is polled for the frames behind its first, which tell how fast they come where it does not say: for two
-/// seconds.
+/// Polls of a live source for the frames behind its first, which tell how fast they come where it does not say: two seconds of them.
 const LOOKS_FOR_INTERVALS: u32 = 20;
 
 /// Most intervals between frames that are measured.

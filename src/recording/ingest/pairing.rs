@@ -14,7 +14,7 @@ pub(super) struct Pairing {
     waiting: VecDeque<Waiting>,
     /// The stream's own time of each of the last pictures, and the time that it was given.
     times: TimeMap,
-    /// The same of the pictures before the stream's own time stepped back last.
+    /// Times of the pictures before the stream's own time stepped back last.
     times_before: TimeMap,
     /// Steps back of the pictures' own times.
     n_setbacks: u64,
@@ -72,7 +72,7 @@ impl Pairing {
     /// The next frame whose time is known, its `stream_nanos` what its picture was given.
     pub(super) fn take(&mut self) -> Option<EncodedFrame> {
         let front = self.waiting.front()?;
-        // Of one with a wrong time no picture may come, or one with another time: then that of the next one has.
+        // A frame with a wrong time may have no picture, or one with another time: then the next frame's picture has come.
         let is_doubtful = |waiting: &Waiting| waiting.is_leap || waiting.n_setbacks > self.n_setbacks;
         let is_passed = || {
             let mut behind = self.waiting.iter().skip(1);
@@ -113,7 +113,7 @@ impl Pairing {
             let beside = || if is_doubtful { next } else { times.at(nanos).unwrap_or(nanos) };
             self.picture_time(nanos, n_setbacks).unwrap_or_else(beside)
         });
-        // Where the stream promises no interval, the last step tells it.
+        // The last step tells the interval where the stream promises none.
         let step = self.last.map_or(1, |(last, interval)| {
             let step = given.saturating_sub(last);
             if (1..LEAP_NANOS).contains(&step) { step } else { interval }

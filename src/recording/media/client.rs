@@ -130,7 +130,7 @@ pub(super) fn spawn<F: Future<Output = Option<Fault>>>(
     let (stop, stopped) = oneshot::channel();
     let span = tracing::Span::current();
     let work = move || {
-        // What it logs names the camera.
+        // Its lines in the log name the camera.
         let _entered = span.entered();
         let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build();
         let fault = match runtime {

@@ -42,7 +42,7 @@ impl Times {
     /// The time of a sample's buffer.
     pub(super) fn nanos(self, sample: &gst::SampleRef, buffer: &gst::BufferRef) -> Option<i64> {
         let time = match self {
-            // Of codecs of Windows' (V_MS/VFW/FOURCC), which AVI files hold, a block's time is read as that of decoding.
+            // Matroska's blocks of Windows' codecs (V_MS/VFW/FOURCC), which AVI files hold, have their time as that of decoding.
             Self::Written => buffer.pts().or(buffer.dts()),
             Self::Played => {
                 let segment = sample.segment().and_then(|segment| segment.downcast_ref::<gst::ClockTime>());

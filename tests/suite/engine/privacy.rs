@@ -72,7 +72,7 @@ fn two_worlds_that_differ_within_a_zone_alone_are_told_alike_to_the_byte() {
     let start = |folder: &Path, south: PathBuf| {
         let north = camera("north", pictures(folder, "north", 0..20), End::Stop);
         let south = hiding(camera("south", south, End::Stop), std::slice::from_ref(&zone));
-        // Who is where is concluded when it is asked for: placed as it happens, it would hang on how fast this machine is.
+        // People are placed when they are asked for: placed as they walk, they would depend on how fast this machine is.
         let settings = Settings {
             camera: vec![north, south],
             entities: EntitySettings { rate_hz: 0.0 },

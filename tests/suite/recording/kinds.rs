@@ -313,7 +313,7 @@ fn pictures_that_are_turned_or_masked_come_back_so() {
     ]);
 }
 
-/// What is not read is not recorded either, and the camera says why.
+/// Checks that streams that are not read are not recorded either, and that the camera says why.
 #[test]
 fn what_is_not_read_says_so() {
     const REFUSED: [(&str, &str, &str, &str, &str); 4] = [

@@ -104,7 +104,7 @@ impl Pipeline {
             previous: None,
             detail: None,
             since_detail_secs: 0.0,
-            // Whatever it was: what is hidden now is taken anew from the next picture.
+            // The zones of now are taken anew from the next picture.
             hidden: None,
             shake: Shake::default(),
             light: Light::default(),

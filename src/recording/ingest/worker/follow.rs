@@ -205,7 +205,7 @@ mod tests {
         assert_eq!(times, [1000, 1100, 1700, 1700, 1750, 1750, 1800], "milliseconds");
         let frames = [(700, true), (900, false), (1100, false), (1200, true), (1300, false)];
         assert_eq!(stamped(&mut recorded, &frames), [1800, 1900, 2100, 2200, 2300], "where it should be");
-        // One that leads up to its key frame stays, one of long before goes on from where it is.
+        // A frame that leads up to its key frame stays, one of long before goes on from where it is.
         let frames = [(1600, true), (1500, false), (1000, false), (1700, false)];
         assert_eq!(stamped(&mut recorded, &frames), [2600, 2500, 2600, 2700]);
     }

@@ -209,7 +209,7 @@ mod tests {
         assert_eq!(read("cgroup.subtree_control"), "+cpu +memory +pids");
         assert_eq!(read("decoders/cgroup.subtree_control"), "+cpu +memory +pids");
         assert_eq!(read("decoders/cpu.weight"), "50");
-        // As the kernel does, but not for a controller that is not delegated.
+        // The kernel makes these files, but not those of a controller that is not delegated.
         std::fs::create_dir(folder.path().join("decoders/42")).unwrap();
         for file in ["cpu.max", "memory.max"] {
             std::fs::write(folder.path().join("decoders/42").join(file), "max").unwrap();

@@ -15,7 +15,7 @@ use videofields_testing::say_skipped;
 use videofields_vision::clock::Timestamp;
 use videofields_vision::frame::YuvImage;
 
-/// What nobody may see of masked pictures: not where the number is read.
+/// The part of masked pictures that nobody may see: not where the number is read.
 pub(super) const ZONE: &str =
     "{name = \"garden\", reason = \"not ours\", polygon = [[0, 0], [0.4, 0], [0.4, 0.3], [0, 0.3]]}";
 const ZONE_CORNERS: [[f64; 2]; 4] = [[0.0, 0.0], [0.4, 0.0], [0.4, 0.3], [0.0, 0.3]];
@@ -66,7 +66,7 @@ impl Expected {
     }
 }
 
-/// What is wrong with a recording; none where nothing is.
+/// Returns what is wrong with a recording; none where nothing is.
 type Checked = Result<(), String>;
 
 /// Asks for each of `items` in one of a few threads; returns all answers, in no order.
@@ -156,7 +156,7 @@ fn sought(running: &Running, expected: &Expected) -> Checked {
         equal("frame", &(number_of(image), seen.frame.timestamp), &(number, at))?;
         equal("size", &(image.width(), image.height()), &expected.size_px)?;
     }
-    // What is seen first of a live camera may be recorded for a while already.
+    // A live camera may be recorded for a while before its first picture is seen.
     let before = shown[0].1.saturating_add_nanos(-3_600_000_000_000);
     match running.handle.observation(&expected.id, At::Time(before)) {
         Err(EngineError::Gap { before: None, .. }) => Ok(()),

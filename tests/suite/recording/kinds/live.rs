@@ -160,7 +160,7 @@ fn record(folder: &Path, cameras: &[Live]) -> Vec<Expected> {
     expected
 }
 
-/// The same, asked for as long as nothing was seen yet.
+/// Returns the same, asked for as long as nothing was seen yet.
 fn first_recorded_once(running: &Running, camera: &Expected) -> Option<Timestamp> {
     camera.shown.first().map(|(_, at)| *at).or_else(|| first_recorded(running, &camera.id))
 }
