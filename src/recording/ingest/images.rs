@@ -88,7 +88,13 @@ impl Medium for NumberedPictures {
         self.next = number.checked_add(1);
         // They have no times; what is recorded is paired with its picture by the order.
         let stream_nanos = i64::try_from(number - self.numbers.start()).ok();
-        let picture = Picture { image, stream_nanos, interval_nanos: None, reference_nanos: None };
+        let picture = Picture {
+            image,
+            stream_nanos,
+            interval_nanos: None,
+            reference_nanos: None,
+            encoded_number: None,
+        };
         if self.tap == Tap::Open {
             self.encoded = jpeg::frame(&picture, jpeg);
         }

@@ -123,7 +123,7 @@ impl LiveSource {
             self.step_nanos = step_nanos;
         }
         self.latest_nanos = stream_nanos;
-        self.pairing.push_picture(picture.stream_nanos, stream_nanos);
+        self.pairing.push_picture(picture.stream_nanos, picture.encoded_number, stream_nanos);
         let number = self.next_number;
         self.next_number += 1;
         let reference = picture.reference_nanos.map(Timestamp::from_nanos);

@@ -3,6 +3,8 @@
 //! Encoded frames flow in as they are read, in decoding order, and the times that pictures were given, in the order in
 //! which pictures are seen; encoded frames with those times flow out, still in decoding order. A picture that a decoder
 //! left out never comes: its frame's time follows from those around it.
+//!
+//! A frame of a file and its picture have one number. A camera's are paired by the stream's own times.
 
 use super::time_map::{MAX_MOMENTS, TimeMap};
 use crate::media::EncodedFrame;
@@ -18,6 +20,7 @@ pub(super) struct Pairing {
     times_before: TimeMap,
     /// Steps back of the pictures' own times.
     n_setbacks: u64,
+    numbered: NumberedPictures,
     /// Time that was given last, and the distance to the next: as it was promised, or the last step.
     last: Option<(i64, i64)>,
 }
@@ -52,8 +55,16 @@ impl Pairing {
         });
     }
 
-    /// Tells the time that the next picture was given, and the stream's own, if it had one.
-    pub(super) fn push_picture(&mut self, stream_nanos: Option<i64>, given_nanos: i64) {
+    /// Tells the time that the next picture was given, the stream's own, if it had one, and the number of its frame, if that is known.
+    pub(super) fn push_picture(
+        &mut self,
+        stream_nanos: Option<i64>,
+        frame_number: Option<u64>,
+        given_nanos: i64,
+    ) {
+        if let Some(number) = frame_number {
+            self.numbered.push(NumberedPicture { number, stream_nanos, given_nanos });
+        }
         let Some(stream_nanos) = stream_nanos else { return };
         if self.times.newest().is_some_and(|newest| stream_nanos <= newest) {
             self.times_before = std::mem::take(&mut self.times);
@@ -72,6 +83,9 @@ impl Pairing {
     /// The next frame whose time is known, its `stream_nanos` what its picture was given.
     pub(super) fn take(&mut self) -> Option<EncodedFrame> {
         let front = self.waiting.front()?;
+        if let Some(is_known) = self.numbered.is_known(&front.frame) {
+            return if is_known || self.waiting.len() > MAX_MOMENTS { self.take_anyway() } else { None };
+        }
         // A frame with a wrong time may have no picture, or one with another time: then the next frame's picture has come.
         let is_doubtful = |waiting: &Waiting| waiting.is_leap || waiting.n_setbacks > self.n_setbacks;
         let is_passed = || {
@@ -108,11 +122,14 @@ impl Pairing {
         let Waiting { mut frame, n_setbacks, is_leap } = self.waiting.pop_front()?;
         let next = self.last.map_or(0, |(last, interval)| last.saturating_add(interval));
         let times = if n_setbacks < self.n_setbacks { &self.times_before } else { &self.times };
-        let given = frame.stream_nanos.map_or(next, |nanos| {
+        let by_number = self.numbered.time_given(&frame);
+        let own_nanos = frame.stream_nanos.filter(|_| !self.numbered.has_other_times);
+        let by_time = |nanos| {
             let is_doubtful = is_leap || n_setbacks > self.n_setbacks;
             let beside = || if is_doubtful { next } else { times.at(nanos).unwrap_or(nanos) };
             self.picture_time(nanos, n_setbacks).unwrap_or_else(beside)
-        });
+        };
+        let given = by_number.unwrap_or_else(|| own_nanos.map_or(next, by_time));
         // The last step tells the interval where the stream promises none.
         let step = self.last.map_or(1, |(last, interval)| {
             let step = given.saturating_sub(last);
@@ -121,6 +138,60 @@ impl Pairing {
         self.last = Some((given, frame.interval_nanos.filter(|nanos| *nanos > 0).unwrap_or(step)));
         frame.stream_nanos = Some(given);
         Some(frame)
+    }
+}
+
+/// The last pictures of which the number of the frame is known.
+#[derive(Debug, Default)]
+struct NumberedPictures {
+    newest: VecDeque<NumberedPicture>,
+    /// True once a picture had another time than its frame, or none after that of the picture before: the stream's times do not tell in
+    /// which order its pictures are seen.
+    has_other_times: bool,
+}
+
+#[derive(Clone, Copy, Debug)]
+struct NumberedPicture {
+    number: u64,
+    stream_nanos: Option<i64>,
+    given_nanos: i64,
+}
+
+impl NumberedPictures {
+    fn push(&mut self, picture: NumberedPicture) {
+        let is_later = |before: &NumberedPicture| picture.stream_nanos > before.stream_nanos;
+        self.has_other_times |= !self.newest.back().is_none_or(is_later);
+        if self.newest.len() == MAX_MOMENTS {
+            self.newest.pop_front();
+        }
+        self.newest.push_back(picture);
+    }
+
+    /// Returns true once a frame's picture has come, or so many of later frames that it will not come; none where numbers tell nothing.
+    fn is_known(&self, frame: &EncodedFrame) -> Option<bool> {
+        let number = frame.number.filter(|_| !self.newest.is_empty())?;
+        let n_later = self.newest.iter().filter(|picture| picture.number > number).count();
+        let has_come = self.newest.iter().any(|picture| picture.number == number);
+        Some(has_come || n_later > most_reordered(frame.format.codec()))
+    }
+
+    /// Returns the time that was given to a frame's own picture, where that has come.
+    fn time_given(&mut self, frame: &EncodedFrame) -> Option<i64> {
+        let number = frame.number?;
+        let picture = self.newest.iter().find(|picture| picture.number == number)?;
+        self.has_other_times |= picture.stream_nanos != frame.stream_nanos;
+        Some(picture.given_nanos)
+    }
+}
+
+/// Returns the most pictures of later frames that are seen before a frame's own.
+fn most_reordered(codec: &str) -> usize {
+    match codec {
+        // ITU-T H.264, max_num_reorder_frames, and H.265, sps_max_num_reorder_pics: at most the pictures that are kept, which are 16.
+        "video/x-h264" | "video/x-h265" => 16,
+        // The next P-VOP is decoded before the B-VOPs that lead up to it. More than that was not seen of any encoder.
+        "video/mpeg" | "video/x-divx" | "video/x-xvid" => 4,
+        _ => 0,
     }
 }
 
@@ -149,36 +220,79 @@ mod tests {
         // I P B B: the third and fourth are seen before the second.
         reading(&mut pairing, &[Some(100), Some(220), Some(140), Some(180)]);
         assert!(taken(&mut pairing).is_empty());
-        pairing.push_picture(Some(100_000_000), 0);
+        pairing.push_picture(Some(100_000_000), None, 0);
         assert_eq!(taken(&mut pairing), [0]);
-        pairing.push_picture(Some(140_000_000), 40_000_000);
-        pairing.push_picture(Some(180_000_000), 80_000_000);
+        pairing.push_picture(Some(140_000_000), None, 40_000_000);
+        pairing.push_picture(Some(180_000_000), None, 80_000_000);
         assert!(taken(&mut pairing).is_empty(), "the second is decoded before the third and fourth");
         // This one was given another time than the stream's own distance says.
-        pairing.push_picture(Some(220_000_000), 125_000_000);
+        pairing.push_picture(Some(220_000_000), None, 125_000_000);
         assert_eq!(taken(&mut pairing), [125, 40, 80]);
+    }
+
+    /// Frames of H.264 with numbers from 0 on, all of the same time or one in decoding order, in milliseconds.
+    fn reading_numbered(pairing: &mut Pairing, millis: &[i64]) {
+        let format = Arc::new(EncodedFormat::named("video/x-h264"));
+        for (number, millis) in (0..).zip(millis) {
+            let mut frame = EncodedFrame::blank(Arc::clone(&format), Some(millis * 1_000_000), None);
+            frame.number = Some(number);
+            pairing.push_frame(frame);
+        }
+    }
+
+    #[test]
+    fn numbers_pair_where_times_are_those_of_decoding_or_all_the_same() {
+        for own in [[0, 40, 80, 120, 160, 200], [0; 6]] {
+            let mut pairing = Pairing::default();
+            // I P B B P P, of which the last picture never comes.
+            reading_numbered(&mut pairing, &own);
+            for (number, given) in [(0, 0), (2, 40), (3, 80)] {
+                pairing.push_picture(Some(own[0]), Some(number), given * 1_000_000);
+            }
+            assert_eq!(taken(&mut pairing), [0], "{own:?}");
+            pairing.push_picture(Some(own[2] * 1_000_000), Some(1), 120_000_000);
+            assert_eq!(taken(&mut pairing), [120, 40, 80], "{own:?}");
+            pairing.push_picture(Some(own[5] * 1_000_000), Some(4), 160_000_000);
+            assert_eq!(taken(&mut pairing), [160], "{own:?}");
+            assert_eq!(pairing.take_anyway().unwrap().stream_nanos, Some(240_000_000), "by the last step");
+        }
+    }
+
+    #[test]
+    fn a_numbered_frame_whose_picture_does_not_come_holds_up_no_more_than_can_be_reordered() {
+        let mut pairing = Pairing::default();
+        let own: Vec<_> = (0..20).map(|i| 40 * i).collect();
+        reading_numbered(&mut pairing, &own);
+        let picture = |pairing: &mut Pairing, number: u64| {
+            pairing.push_picture(Some(number as i64 * 40_000_000), Some(number), number as i64 * 40_000_000);
+        };
+        picture(&mut pairing, 0);
+        (2..18).for_each(|number| picture(&mut pairing, number));
+        assert_eq!(taken(&mut pairing), [0], "16 are reordered at most");
+        picture(&mut pairing, 18);
+        assert_eq!(taken(&mut pairing), (1..19).map(|i| 40 * i).collect::<Vec<_>>(), "its own time is true");
     }
 
     #[test]
     fn after_a_step_back_frames_wait_for_their_own_pictures() {
         let mut pairing = Pairing::default();
         reading(&mut pairing, &[Some(0), Some(1040)]);
-        pairing.push_picture(Some(0), 0);
-        pairing.push_picture(Some(1_040_000_000), 1_040_000_000);
+        pairing.push_picture(Some(0), None, 0);
+        pairing.push_picture(Some(1_040_000_000), None, 1_040_000_000);
         assert_eq!(taken(&mut pairing), [0, 1040]);
         reading(&mut pairing, &[Some(80), Some(120)]);
         assert!(taken(&mut pairing).is_empty(), "the newest picture is of before");
         // Its time goes on.
-        pairing.push_picture(Some(80_000_000), 1_080_000_000);
+        pairing.push_picture(Some(80_000_000), None, 1_080_000_000);
         assert_eq!(taken(&mut pairing), [1080]);
         // One of before whose picture never came.
         let mut pairing = Pairing::default();
         reading(&mut pairing, &[Some(0), Some(1040), Some(1080)]);
-        pairing.push_picture(Some(0), 0);
-        pairing.push_picture(Some(1_040_000_000), 1_040_000_000);
+        pairing.push_picture(Some(0), None, 0);
+        pairing.push_picture(Some(1_040_000_000), None, 1_040_000_000);
         assert_eq!(taken(&mut pairing), [0, 1040]);
         reading(&mut pairing, &[Some(120)]);
-        pairing.push_picture(Some(120_000_000), 1_120_000_000);
+        pairing.push_picture(Some(120_000_000), None, 1_120_000_000);
         assert_eq!(taken(&mut pairing), [1080, 1120]);
     }
 
@@ -189,8 +303,8 @@ mod tests {
         for nanos in [Some(0), Some(40_000_000), None, None] {
             pairing.push_frame(EncodedFrame::blank(Arc::clone(&format), nanos, None));
         }
-        pairing.push_picture(Some(0), 0);
-        pairing.push_picture(Some(40_000_000), 50_000_000);
+        pairing.push_picture(Some(0), None, 0);
+        pairing.push_picture(Some(40_000_000), None, 50_000_000);
         assert_eq!(taken(&mut pairing), [0, 50, 100, 150]);
     }
 
@@ -198,22 +312,22 @@ mod tests {
     fn a_wrong_time_holds_up_nothing() {
         let mut pairing = Pairing::default();
         reading(&mut pairing, &[Some(0), Some(40), Some(37_600_000), Some(120), Some(160)]);
-        pairing.push_picture(Some(0), 0);
-        pairing.push_picture(Some(40_000_000), 40_000_000);
+        pairing.push_picture(Some(0), None, 0);
+        pairing.push_picture(Some(40_000_000), None, 40_000_000);
         assert_eq!(taken(&mut pairing), [0, 40]);
         // Its picture was replaced by the next.
-        pairing.push_picture(Some(120_000_000), 120_000_000);
+        pairing.push_picture(Some(120_000_000), None, 120_000_000);
         assert_eq!(taken(&mut pairing), [80, 120]);
-        pairing.push_picture(Some(160_000_000), 160_000_000);
+        pairing.push_picture(Some(160_000_000), None, 160_000_000);
         // Or it was of before all.
         reading(&mut pairing, &[Some(-37_600_000), Some(220)]);
         assert_eq!(taken(&mut pairing), [160]);
-        pairing.push_picture(Some(220_000_000), 220_000_000);
+        pairing.push_picture(Some(220_000_000), None, 220_000_000);
         assert_eq!(taken(&mut pairing), [200, 220]);
         // Or its picture came.
         reading(&mut pairing, &[Some(37_600_000), Some(300)]);
-        pairing.push_picture(Some(37_600_000_000_000), 260_000_000);
-        pairing.push_picture(Some(300_000_000), 300_000_000);
+        pairing.push_picture(Some(37_600_000_000_000), None, 260_000_000);
+        pairing.push_picture(Some(300_000_000), None, 300_000_000);
         assert_eq!(taken(&mut pairing), [260, 300]);
     }
 
@@ -221,8 +335,8 @@ mod tests {
     fn a_frame_without_a_picture_is_timed_by_those_around_it() {
         let mut pairing = Pairing::default();
         reading(&mut pairing, &[Some(0), Some(40), None, Some(120), Some(160)]);
-        pairing.push_picture(Some(0), 500_000_000);
-        pairing.push_picture(Some(120_000_000), 620_000_000);
+        pairing.push_picture(Some(0), None, 500_000_000);
+        pairing.push_picture(Some(120_000_000), None, 620_000_000);
         assert_eq!(taken(&mut pairing), [500, 540, 580, 620]);
         assert_eq!(pairing.take_anyway().unwrap().stream_nanos, Some(660_000_000));
         assert!(pairing.take_anyway().is_none());
@@ -232,7 +346,7 @@ mod tests {
     fn frames_of_a_decoder_that_shows_nothing_more_do_not_pile_up() {
         let mut pairing = Pairing::default();
         reading(&mut pairing, &[Some(0)]);
-        pairing.push_picture(Some(0), 0);
+        pairing.push_picture(Some(0), None, 0);
         assert_eq!(taken(&mut pairing), [0]);
         let later: Vec<_> = (1..=100).map(|i| Some(40 * i)).collect();
         reading(&mut pairing, &later);

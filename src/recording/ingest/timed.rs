@@ -126,7 +126,7 @@ impl<M: Medium> TimedSource<M> {
         };
         self.pass.own_nanos = own_nanos;
         let stream_nanos = self.stream_nanos(own_nanos);
-        self.pairing.push_picture(picture.stream_nanos, stream_nanos);
+        self.pairing.push_picture(picture.stream_nanos, picture.encoded_number, stream_nanos);
         if !self.is_played(stream_nanos) {
             return None;
         }
@@ -316,7 +316,8 @@ mod tests {
             self.next += 1;
             let image = YuvImage::filled(2, 2, [9, 128, 128], ColorMatrix::Bt601, ColorRange::Full);
             let interval_nanos = self.interval_nanos;
-            Ok(Some(Picture { image, stream_nanos, interval_nanos, reference_nanos: None }))
+            let (reference_nanos, encoded_number) = (None, None);
+            Ok(Some(Picture { image, stream_nanos, interval_nanos, reference_nanos, encoded_number }))
         }
     }
 

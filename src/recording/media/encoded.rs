@@ -4,7 +4,7 @@
 //! next key frame are left out and counted, so that what is taken can always be decoded and decoding never waits.
 
 use super::fault::gstreamer_fault;
-use super::{Fault, Times};
+use super::{Fault, Times, frame_number};
 use gstreamer as gst;
 use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
@@ -28,6 +28,8 @@ pub struct EncodedFrame {
     pub stream_nanos: Option<i64>,
     /// Nanoseconds to the next picture, where the stream promises them.
     pub interval_nanos: Option<i64>,
+    /// Number of the frame in its stream, in decoding order, by which its picture is found; none where it was not numbered.
+    pub number: Option<u64>,
     /// Whether decoding can begin with it.
     pub is_key: bool,
     buffer: gst::Buffer,
@@ -107,7 +109,8 @@ impl EncodedFrame {
         let is_key = !buffer.flags().contains(gst::BufferFlags::DELTA_UNIT);
         let stream_nanos = times.nanos(sample, &buffer);
         let interval_nanos = buffer.duration().and_then(|time| i64::try_from(time.nseconds()).ok());
-        Some(Self { format, stream_nanos, interval_nanos, is_key, buffer })
+        let number = frame_number::of(&buffer);
+        Some(Self { format, stream_nanos, interval_nanos, number, is_key, buffer })
     }
 
     /// A picture of that size as JPEG, of a stream that came without being encoded. Starts `GStreamer` if nobody has.
@@ -128,14 +131,14 @@ impl EncodedFrame {
             .build();
         let format = Arc::new(EncodedFormat::new(caps));
         let buffer = gst::Buffer::from_mut_slice(bytes);
-        Ok(Self { format, stream_nanos, interval_nanos, is_key: true, buffer })
+        Ok(Self { format, stream_nanos, interval_nanos, number: None, is_key: true, buffer })
     }
 
     /// Returns a frame of these bytes, of which another process took the times.
     pub(super) fn from_bytes(
         bytes: Vec<u8>,
         format: Arc<EncodedFormat>,
-        [stream_nanos, interval_nanos]: [Option<i64>; 2],
+        ([stream_nanos, interval_nanos], number): ([Option<i64>; 2], Option<u64>),
         build: FrameKind,
     ) -> Self {
         let is_key = build == FrameKind::Key;
@@ -143,7 +146,7 @@ impl EncodedFrame {
         if let Some(buffer) = buffer.get_mut().filter(|_| !is_key) {
             buffer.set_flags(gst::BufferFlags::DELTA_UNIT);
         }
-        Self { format, stream_nanos, interval_nanos, is_key, buffer }
+        Self { format, stream_nanos, interval_nanos, number, is_key, buffer }
     }
 
     /// A key frame of no bytes, for tests.
@@ -153,7 +156,8 @@ impl EncodedFrame {
         stream_nanos: Option<i64>,
         interval_nanos: Option<i64>,
     ) -> Self {
-        Self { format, stream_nanos, interval_nanos, is_key: true, buffer: gst::Buffer::new() }
+        let buffer = gst::Buffer::new();
+        Self { format, stream_nanos, interval_nanos, number: None, is_key: true, buffer }
     }
 
     pub(super) const fn buffer(&self) -> &gst::Buffer {

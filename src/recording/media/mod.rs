@@ -13,6 +13,7 @@ mod demuxer;
 mod device;
 mod encoded;
 mod fault;
+mod frame_number;
 #[cfg(any(test, feature = "fuzzing"))]
 pub(crate) mod fuzzing;
 mod http;
@@ -67,4 +68,6 @@ pub struct Picture {
     /// When it was taken as its camera says, nanoseconds since 1970 (UTC), where the stream says it. RTSP cameras do in
     /// sender reports, the first of which comes some seconds after the first frame.
     pub reference_nanos: Option<i64>,
+    /// Number of the encoded frame from which it was decoded, where that is known ([`EncodedFrame::number`]).
+    pub encoded_number: Option<u64>,
 }

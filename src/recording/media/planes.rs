@@ -1,6 +1,6 @@
 //! Takes the planes of decoded samples without copying them.
 
-use super::Picture;
+use super::{Picture, frame_number};
 use gstreamer as gst;
 use gstreamer_video as gst_video;
 use serde::{Deserialize, Serialize};
@@ -84,7 +84,7 @@ impl PlaneReader {
         let buffer = sample.buffer_owned().ok_or(SampleError::Unusable("a sample without a buffer"))?;
         let stream_nanos = self.times.nanos(sample, &buffer);
         let promised = buffer.duration().and_then(|time| i64::try_from(time.nseconds()).ok());
-        let reference_nanos = reference_nanos(&buffer);
+        let (reference_nanos, encoded_number) = (reference_nanos(&buffer), frame_number::of(&buffer));
         let mut layout = format.layout;
         if let Some(meta) = buffer.meta::<gst_video::VideoMeta>() {
             place_planes(&mut layout, meta.offset(), meta.stride())?;
@@ -95,7 +95,7 @@ impl PlaneReader {
         let image =
             YuvImage::new(layout, format.matrix, format.range, mapped).map_err(SampleError::Layout)?;
         let interval_nanos = promised.or(format.interval_nanos);
-        Ok(Picture { image, stream_nanos, interval_nanos, reference_nanos })
+        Ok(Picture { image, stream_nanos, interval_nanos, reference_nanos, encoded_number })
     }
 }
 

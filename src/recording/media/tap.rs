@@ -7,6 +7,7 @@
 
 use super::announced::{Content, nal_content};
 use super::fault::gstreamer_fault;
+use super::frame_number::number_buffers;
 use super::linking::{link_first, link_video, turns_pictures};
 use super::pipeline::Parts;
 use super::{EncodedFormat, EncodedFrame, EncodedQueue, Muxer, Times};
@@ -118,6 +119,7 @@ fn split(
     pipeline.add_many([decode, sink.upcast_ref()])?;
     gst::Element::link_many(&chain)?;
     let tee = &chain[chain.len() - 1];
+    number_buffers(&tee.static_pad("sink").ok_or("an element has no sink pad")?);
     // The decoder comes second: a picture that is taken finds its encoded frame in the queue.
     tee.link(&sink)?;
     tee.link(decode)?;

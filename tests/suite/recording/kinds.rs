@@ -242,6 +242,7 @@ fn h264_and_h265_come_back_as_they_were() {
         Kind::new(("h264-b-ts", "ts"), (X264_B, "mpegtsmux"), H264),
         Kind::new(("h264-flv", "flv"), (X264, "flvmux"), H264),
         Kind::new(("h264-avi", "avi"), (X264, "avimux"), H264),
+        Kind::new(("h264-b-avi", "avi"), (X264_B, "avimux"), H264),
         Kind::new(("h265-mp4", "mp4"), (X265, "mp4mux"), H265).sized(EVEN_PX),
         Kind::new(("h265-b-mp4", "mp4"), (X265_B, "mp4mux"), H265),
         Kind::new(("h265-b-mkv", "mkv"), (X265_B, "matroskamux"), H265),

@@ -347,7 +347,7 @@ impl WorkerHandle {
             queue.push(EncodedFrame::from_bytes(
                 bytes,
                 Arc::clone(format),
-                [valid_time(times.stream_nanos), valid_time(times.interval_nanos)],
+                ([valid_time(times.stream_nanos), valid_time(times.interval_nanos)], times.number),
                 times.build,
             ));
         }
@@ -379,6 +379,7 @@ impl WorkerHandle {
             stream_nanos: valid_time(head.stream_nanos),
             interval_nanos: valid_time(head.interval_nanos),
             reference_nanos: valid_time(head.reference_nanos),
+            encoded_number: head.encoded_number,
         })
     }
 

@@ -111,6 +111,7 @@ pub(super) struct FrameTimes {
 pub(super) struct EncodedTimes {
     pub(super) stream_nanos: Option<i64>,
     pub(super) interval_nanos: Option<i64>,
+    pub(super) number: Option<u64>,
     pub(super) build: FrameKind,
 }
 
@@ -133,6 +134,7 @@ pub(super) struct PictureHead {
     pub(super) stream_nanos: Option<i64>,
     pub(super) interval_nanos: Option<i64>,
     pub(super) reference_nanos: Option<i64>,
+    pub(super) encoded_number: Option<u64>,
 }
 
 /// A colour matrix.

@@ -144,6 +144,7 @@ impl PictureSender {
         let times = EncodedTimes {
             stream_nanos: frame.stream_nanos,
             interval_nanos: frame.interval_nanos,
+            number: frame.number,
             build: if frame.is_key { FrameKind::Key } else { FrameKind::Delta },
         };
         self.shared.send(&FromWorker::Encoded(times), &bytes);
@@ -154,7 +155,7 @@ impl PictureSender {
             let about = FromWorker::About(self.pipeline.codec(), self.pipeline.duration_nanos());
             self.shared.send(&about, &[]);
         }
-        let Picture { image, stream_nanos, interval_nanos, reference_nanos } = picture;
+        let Picture { image, stream_nanos, interval_nanos, reference_nanos, encoded_number } = picture;
         let (matrix, is_full_range) = (matrix(image.matrix()), image.range() == ColorRange::Full);
         let (width, height) = (image.width(), image.height());
         let (placed, held) = if let Some(placed) = self.find(&image) {
@@ -180,6 +181,7 @@ impl PictureSender {
             stream_nanos,
             interval_nanos,
             reference_nanos,
+            encoded_number,
         };
         lock(&self.shared.requests).n_pictures -= 1;
         self.shared.send(&FromWorker::Picture(head), &[]);

@@ -185,6 +185,7 @@ fn head(block: Block) -> PictureHead {
         stream_nanos: Some(5),
         interval_nanos: None,
         reference_nanos: None,
+        encoded_number: None,
     }
 }
 
