@@ -21,8 +21,9 @@ const NAME: &str = "videofields-decoder";
 /// Variables of the environment that `GStreamer` and the loader need. Others may hold passwords.
 const KEPT_VARIABLES: [&str; 6] = ["HOME", "LANG", "LD_LIBRARY_PATH", "PATH", "TMPDIR", "XDG_CACHE_HOME"];
 
-/// Workers that wait for work: to start one takes longer than to seek in a recording.
-const N_SPARE: usize = 2;
+/// Workers that wait for work: to start one takes longer than to seek in a recording. A second one made no seek faster, and took
+/// some 20 MB.
+const N_SPARE: usize = 1;
 
 /// Most bytes of what a worker said on its standard error that are read, and those at the end of it that are logged.
 const MAX_READ_BYTES: u64 = 64 << 10;
