@@ -188,8 +188,9 @@ impl Renderer {
                     camera_of[planned.entity] =
                         Some(state.entities[planned.entity].sources[planned.source].camera_idx);
                 }
-                let is_drawn = |run: &&PointRun| {
-                    camera_of.get(run.entity_idx).copied().flatten() == Some(run.camera_idx)
+                let is_drawn = |run: &&PointRun| match camera_of.get(run.entity_idx).copied().flatten() {
+                    Some(_) if state.entities[run.entity_idx].is_seen_in_parts() => true,
+                    camera => camera == Some(run.camera_idx),
                 };
                 let instance =
                     |run: &PointRun| Some(PointInstance::new(run, shader_idx(run.camera_idx)?, anchor));

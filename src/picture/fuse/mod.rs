@@ -166,6 +166,12 @@ impl CameraState {
     }
 }
 
+/// Least width of what may be seen in parts, metres: nobody is as broad.
+const BROAD_M: f64 = 1.5;
+
+/// Least distance between such parts, metres: what cameras that see the same thing make of its foot differs by less.
+const APART_M: f64 = 1.0;
+
 /// One thing that stands on the ground, seen by one camera or several.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Entity {
@@ -188,10 +194,24 @@ pub struct Entity {
 
 impl Entity {
     /// Where one of its `sources` is drawn: where the entity stands, of which that camera's view of its foot is but one; of an
-    /// entity with no other source, that view's own.
+    /// entity with no other source, and of one that is seen [in parts](Self::is_seen_in_parts), that view's own.
     #[must_use]
     pub fn place_of(&self, source: &Billboard) -> DVec3 {
-        if self.sources.len() > 1 { self.foot_in_world } else { source.foot_in_world }
+        let is_shared = self.sources.len() > 1 && !self.is_seen_in_parts();
+        if is_shared { self.foot_in_world } else { source.foot_in_world }
+    }
+
+    /// Returns true where it is broad, every camera's picture cuts it, and what they show of it lies apart: each shows another part, as of
+    /// a car between two cameras.
+    #[must_use]
+    pub fn is_seen_in_parts(&self) -> bool {
+        let widest_m = self.sources.iter().map(Billboard::width_m).fold(0.0, f64::max);
+        let first = self.sources.first().map(|source| source.foot_in_world);
+        let lies_apart =
+            |source: &Billboard| first.is_some_and(|first| (source.foot_in_world - first).length() > APART_M);
+        widest_m >= BROAD_M
+            && self.sources.iter().all(|source| source.is_truncated)
+            && self.sources.iter().any(lies_apart)
     }
 }
 
@@ -241,6 +261,12 @@ impl CameraState {
 }
 
 impl Billboard {
+    /// Returns its extent along the base line, metres.
+    fn width_m(&self) -> f64 {
+        let [left, right] = self.left_right_m;
+        right - left
+    }
+
     /// Whether it extends so far upwards or across, or is cut by the picture's border, so that there is no telling.
     fn is_at_least(&self, size_m: f64) -> bool {
         let [left, right] = self.left_right_m;

@@ -72,7 +72,7 @@ fn plan_billboards(
     };
     let mut seen = billboards(state, picture, settings.sources);
     seen.retain(|(_, planned)| !is_hull(planned));
-    let n_seen = seen.len();
+    let n_seen = n_entities(seen.iter().map(|(_, planned)| planned));
     let seen = largest(seen, MAX_ENTITIES);
     let of = |planned: &PlannedBillboard| state.entities[planned.entity].sources[planned.source].camera_idx;
     let beside = |planned: &PlannedBillboard| {
@@ -107,7 +107,7 @@ fn plan_billboards(
     }
     let n_others = state.entities.len() - plan.hulls.len();
     because_of(
-        (plan.billboards.len(), n_seen, n_others),
+        (n_entities(plan.billboards.iter()), n_seen, n_others),
         if plan.hulls.is_empty() { "entities" } else { "others" },
     )
 }
@@ -124,7 +124,12 @@ fn plan_points(state: &SceneState, picture: &Picture, plan: &mut Plan) -> (bool,
     for planned in &plan.billboards {
         camera_of[planned.entity] = Some(of(planned));
     }
-    let is_drawn = |run: &&PointRun| camera_of[run.entity_idx] == Some(run.camera_idx);
+    let is_drawn = |run: &&PointRun| match camera_of[run.entity_idx] {
+        Some(_) if state.entities[run.entity_idx].is_seen_in_parts() => {
+            plan.entity_cameras.contains(&run.camera_idx)
+        }
+        camera => camera == Some(run.camera_idx),
+    };
     let n_drawn = state.points.iter().filter(is_drawn).count();
     let because = match (n_drawn, state.points.len()) {
         (_, 0) => "no points at this instant".to_owned(),
@@ -180,7 +185,7 @@ fn largest(mut seen: Vec<(f64, PlannedBillboard)>, most: usize) -> Vec<(f64, Pla
     seen
 }
 
-/// What is in view, with about how many pixels it covers.
+/// What is in view, with about how many pixels it covers: an entity that is seen in parts once for each of them.
 fn billboards(state: &SceneState, picture: &Picture, most_sources: u32) -> Vec<(f64, PlannedBillboard)> {
     let is_in_view = |entity: &Entity, billboard: &Billboard| {
         let [left, right] = billboard.left_right_m;
@@ -191,7 +196,7 @@ fn billboards(state: &SceneState, picture: &Picture, most_sources: u32) -> Vec<(
         let radius = left.abs().max(right.abs()).hypot(billboard.height_m * 0.737);
         middles.into_iter().any(|middle| picture.may_show(middle, radius))
     };
-    let planned = |(entity, candidate): (usize, &Entity)| {
+    let whole = |(entity, candidate): (usize, &Entity)| {
         let (source, beside) = sources::choose(candidate, state, picture.viewer)?;
         let beside =
             beside.filter(|_| most_sources > 1).map(|(source, weight)| PlannedSource { source, weight });
@@ -203,12 +208,75 @@ fn billboards(state: &SceneState, picture: &Picture, most_sources: u32) -> Vec<(
         let is_shown = drawn.any(|source| is_in_view(candidate, &candidate.sources[source]));
         is_shown.then(|| (drawn_px(picture, candidate, billboard), planned))
     };
-    state.entities.iter().enumerate().filter_map(planned).collect()
+    let part = |(entity, source): (usize, usize)| {
+        let candidate = &state.entities[entity];
+        let billboard = &candidate.sources[source];
+        let planned = PlannedBillboard { entity, source, weight: 1.0, beside: None };
+        is_in_view(candidate, billboard).then(|| (drawn_px(picture, candidate, billboard), planned))
+    };
+    let mut seen = Vec::with_capacity(state.entities.len());
+    for (entity, candidate) in state.entities.iter().enumerate() {
+        if candidate.is_seen_in_parts() {
+            seen.extend((0..candidate.sources.len()).filter_map(|source| part((entity, source))));
+        } else {
+            seen.extend(whole((entity, candidate)));
+        }
+    }
+    seen
+}
+
+/// Returns the number of entities of these, of which those that show the same follow each other.
+fn n_entities<'a>(planned: impl Iterator<Item = &'a PlannedBillboard>) -> usize {
+    let mut last = None;
+    planned.filter(|planned| last.replace(planned.entity) != Some(planned.entity)).count()
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::fuse::assemble;
+    use crate::occupancy::drawn_people::{around, mask, observation, scene};
+    use crate::plan::{View, ViewLimits};
+    use videofields_vision::clock::Timestamp;
+    use videofields_vision::frame::CameraId;
+
+    #[test]
+    fn each_camera_shows_its_own_part_of_a_car_that_all_pictures_cut() {
+        let (cameras, person) = (around(DVec3::ZERO), (DVec3::ZERO, 1.75));
+        let scene = scene(DVec3::ZERO, "", &cameras);
+        let seen = |id: &CameraId| {
+            let idx = scene.cameras.iter().position(|member| member.id == *id)?;
+            Some(observation(id.clone(), mask(&scene, &cameras[idx], &[person])))
+        };
+        let mut state = assemble(&scene, Timestamp::from_nanos(0), seen, None);
+        let entity = &mut state.entities[0];
+        entity.sources.truncate(2);
+        for (source, x) in entity.sources.iter_mut().zip([-1.5, 1.5]) {
+            source.foot_in_world = DVec3::new(x, 0.0, 0.0);
+            source.left_right_m = [-1.4, 1.4];
+            source.is_truncated = true;
+        }
+        let eye = DVec3::new(0.0, -12.0, 4.0);
+        let limits = ViewLimits { max_side_px: 1000, max_pixels: 1_000_000 };
+        let picture: Picture = View::new(eye, DVec3::Z, 1.0, 320, 180, &limits).expect("a view").into();
+        let drawn = |state: &SceneState| -> Vec<(usize, DVec3)> {
+            let seen = billboards(state, &picture, 2);
+            assert_eq!(n_entities(seen.iter().map(|(_, planned)| planned)), 1);
+            let entity = &state.entities[0];
+            let placed = |(_, planned): &(f64, PlannedBillboard)| {
+                (planned.source, entity.place_of(&entity.sources[planned.source]))
+            };
+            seen.iter().map(placed).collect()
+        };
+        assert_eq!(drawn(&state), [(0, DVec3::new(-1.5, 0.0, 0.0)), (1, DVec3::new(1.5, 0.0, 0.0))]);
+        // One that shows it whole shows it alone, where it stands; so do parts of somebody who is cut.
+        let (mut whole, mut slender) = (state.clone(), state.clone());
+        whole.entities[0].sources[1].is_truncated = false;
+        assert_eq!(drawn(&whole), [(1, whole.entities[0].foot_in_world)]);
+        slender.entities[0].sources.iter_mut().for_each(|source| source.left_right_m = [-0.3, 0.3]);
+        assert_eq!(drawn(&slender)[0].1, slender.entities[0].foot_in_world);
+        assert_eq!(drawn(&slender).len(), 1);
+    }
 
     #[test]
     fn of_too_many_cameras_those_that_show_most_are_drawn() {

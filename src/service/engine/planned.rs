@@ -131,7 +131,11 @@ fn named(subject: &Subject, Decided { state, plan, decision }: Decided) -> Plann
         depth_map_cameras: ids(&plan.depth_map_cameras),
         entity_cameras: ids(&plan.entity_cameras),
         style: plan.entities,
-        entities: plan.billboards.iter().map(entity).collect(),
+        entities: plan
+            .billboards
+            .chunk_by(|a, b| a.entity == b.entity)
+            .map(|parts| entity(&parts[0]))
+            .collect(),
         opened: plan.opened.iter().map(opened).collect(),
         settings: decision.settings,
         expected: Some(decision.expected),

@@ -297,7 +297,7 @@ fn plan_document(answer: &ViewAnswer) -> Value {
         "surface_cameras": ids(&plan.surface_cameras),
         "depth_map_cameras": ids(&plan.depth_map_cameras),
         "entity_cameras": ids(&plan.entity_cameras),
-        "entities": plan.billboards.len(),
+        "entities": plan.billboards.chunk_by(|a, b| a.entity == b.entity).count(),
         "settings": answer.settings.knobs().into_iter().collect::<BTreeMap<_, _>>(),
     })
 }
