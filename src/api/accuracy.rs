@@ -45,7 +45,7 @@ pub(super) async fn refresh(
     headers: HeaderMap,
 ) -> Result<Response, Problem> {
     Query::parse(raw.as_deref(), NONE).finish(Some(()))?;
-    refuse_foreign(&headers)?;
+    refuse_foreign(&api.site, &headers)?;
     api.door.refresh_accuracy(api.identity.caller.user.as_deref())?;
     Ok(answer(&api, StatusCode::ACCEPTED))
 }

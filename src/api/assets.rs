@@ -159,7 +159,7 @@ pub(super) async fn remove(
 }
 
 fn check(api: &Api, headers: &HeaderMap) -> Result<(), Problem> {
-    refuse_foreign(headers)?;
+    refuse_foreign(&api.site, headers)?;
     api.check_admin("changing files of scenes")
 }
 

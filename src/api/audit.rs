@@ -70,6 +70,10 @@ pub(super) fn routes() -> Routes {
 #[derive(Clone, Debug)]
 pub(super) struct Noted(pub(super) String);
 
+/// The user as whom a request was answered that was a stranger's when it came.
+#[derive(Clone, Debug)]
+pub(super) struct Actor(pub(super) String);
+
 /// Whether people can be told in what was asked for, in a line of the log.
 pub(super) fn people_noted(blur: Option<&BlurAsked>) -> String {
     let Some(BlurAsked { except }) = blur else { return "people=seen".to_owned() };
@@ -91,8 +95,14 @@ pub(super) async fn note(
     let Some(audit) = api.audit.clone() else { return next.run(request).await };
     let method = request.method().clone();
     let uri = request.uri().clone();
-    let user = request.extensions().get::<Identity>().and_then(|identity| identity.caller.user.clone());
+    let identity = request.extensions().get::<Identity>();
+    let is_unknown = identity.is_none_or(Identity::is_stranger);
+    let mut user = identity.and_then(|identity| identity.caller.user.clone());
     let mut response = next.run(request).await;
+    if let Some(Actor(actor)) = response.extensions_mut().remove::<Actor>() {
+        user = Some(actor);
+    }
+    let is_stranger = is_unknown && user.is_none();
     let told = response.extensions_mut().remove::<Noted>();
     let route = matched.as_ref().map_or("(none)", MatchedPath::as_str);
     let is_look = matches!(method, Method::GET | Method::HEAD);
@@ -106,7 +116,7 @@ pub(super) async fn note(
             .as_ref()
             .map_or_else(|| uri.path().to_owned(), |Noted(told)| format!("{}#{told}", uri.path()));
         is_seen && audit.is_new(user.as_deref(), &what, api.clock.monotonic())
-    } else if status == StatusCode::UNAUTHORIZED {
+    } else if is_stranger || status == StatusCode::UNAUTHORIZED {
         // A stranger may try without end, under any name: once a route, or the log would be theirs to fill.
         audit.is_new(None, &format!("{method} {route}"), api.clock.monotonic())
     } else {

@@ -68,7 +68,7 @@ pub(super) async fn import(
     let mut query = Query::parse(raw.as_deref(), PARAMETERS);
     let reading = Reading::read(&mut query);
     let reading = query.finish(Some(reading))?;
-    refuse_foreign(&headers)?;
+    refuse_foreign(&api.site, &headers)?;
     api.check_operator("reading calibrations")?;
     let Imported { camera, residual_px } = taken(&api, &body, reading).await?;
     let told = json!({ "calibration": CameraDocument::from_camera(&camera), "residual_px": residual_px });

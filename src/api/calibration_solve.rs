@@ -70,7 +70,7 @@ pub(super) async fn solve(
     Content(body): Content,
 ) -> Result<Response, Problem> {
     Query::parse(raw.as_deref(), NONE).finish(Some(()))?;
-    refuse_foreign(&headers)?;
+    refuse_foreign(&api.site, &headers)?;
     api.check_operator("working out calibrations")?;
     let asked: Asking = read_members(&body)?;
     let size_px = size(asked.image_size_px)?;

@@ -80,7 +80,7 @@ pub(super) async fn turn(
     Content(body): Content,
 ) -> Result<Response, Problem> {
     Query::parse(raw.as_deref(), NONE).finish(Some(()))?;
-    refuse_foreign(&headers)?;
+    refuse_foreign(&api.site, &headers)?;
     api.check_operator("working out calibrations")?;
     let asked: Asking = read_members(&body)?;
     let known = KnownView {

@@ -145,7 +145,7 @@ pub(super) async fn put(
     Content(body): Content,
 ) -> Result<Response, Problem> {
     let Asking { scene, reading, validates_only } = Asking::read(raw.as_deref())?;
-    refuse_foreign(&headers)?;
+    refuse_foreign(&api.site, &headers)?;
     let (scene, _) = find(&api, &id, scene.as_deref())?;
     check_change(&api, &id)?;
     let condition = if validates_only {

@@ -135,7 +135,7 @@ fn kept(api: &Api, id: &str) -> Result<CameraDocument, Problem> {
 }
 
 fn check(api: &Api, headers: &HeaderMap) -> Result<(), Problem> {
-    refuse_foreign(headers)?;
+    refuse_foreign(&api.site, headers)?;
     api.check_admin("making and removing cameras")
 }
 

@@ -2,6 +2,7 @@
 //! goes on for long, which must not be cut for its age, and whether the daemon stops.
 
 use futures_util::stream::{self, Stream, StreamExt};
+use std::net::IpAddr;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use tokio::sync::watch;
 
@@ -13,6 +14,7 @@ pub(super) struct Connection(Arc<Inner>);
 struct Inner {
     lasting: Mutex<Option<Progress>>,
     stopping: Option<watch::Receiver<bool>>,
+    peer: Option<IpAddr>,
 }
 
 /// How far an answer is that goes on for long.
@@ -32,9 +34,14 @@ impl Progress {
 }
 
 impl Connection {
-    /// One that ends when `stopping` says so.
-    pub(super) fn new(stopping: watch::Receiver<bool>) -> Self {
-        Self(Arc::new(Inner { lasting: Mutex::default(), stopping: Some(stopping) }))
+    /// Returns the one of `peer`, which ends when `stopping` says so.
+    pub(super) fn new(peer: IpAddr, stopping: watch::Receiver<bool>) -> Self {
+        Self(Arc::new(Inner { lasting: Mutex::default(), stopping: Some(stopping), peer: Some(peer) }))
+    }
+
+    /// Returns the address at its other end; none of a request that came by no connection.
+    pub(super) fn peer(&self) -> Option<IpAddr> {
+        self.0.peer
     }
 
     /// How far the answer is that goes on for long; none where there is no such answer.
@@ -107,7 +114,7 @@ mod tests {
     #[tokio::test]
     async fn a_connection_knows_how_far_its_client_has_read() {
         let (stop, stopping) = watch::channel(false);
-        let connection = Connection::new(stopping);
+        let connection = Connection::new(std::net::Ipv4Addr::LOCALHOST.into(), stopping);
         assert_eq!(connection.lasting(), None);
         let mut carried = Box::pin(connection.carry(stream::iter(0..3).chain(stream::pending())));
         for number in 0..3 {

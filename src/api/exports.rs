@@ -96,7 +96,7 @@ pub(super) async fn ask(
     Content(body): Content,
 ) -> Result<Response, Problem> {
     Query::parse(raw.as_deref(), NONE).finish(Some(()))?;
-    refuse_foreign(&headers)?;
+    refuse_foreign(&api.site, &headers)?;
     let route = "POST /api/v1/exports";
     let wanted = Wanted { route, headers: &headers, query: raw.as_deref(), body: &body };
     idempotency::once(&api, wanted, begin(&api, &body)).await
@@ -138,7 +138,7 @@ pub(super) async fn remove(
     headers: HeaderMap,
 ) -> Result<Response, Problem> {
     Query::parse(raw.as_deref(), NONE).finish(Some(()))?;
-    refuse_foreign(&headers)?;
+    refuse_foreign(&api.site, &headers)?;
     let removed = api.ask("removing an export", move |door| door.remove_export(&id)).await;
     removed.map_err(|error| problem_of(&api, error))?;
     Ok((StatusCode::NO_CONTENT, NO_STORE).into_response())

@@ -1,18 +1,16 @@
-//! What stands before every route: limits on the request, on its time and on how many are answered at once; and
-//! what is done to every answer: problem documents written down, security header fields set, the answer counted.
+//! What stands before every route: limits on the request; and what is done to every answer: problem documents written down,
+//! security header fields set, the answer counted.
 
 use super::error::Problem;
 use super::{Api, Site};
 use axum::body::Body;
 use axum::extract::{MatchedPath, Request, State};
-use axum::http::{HeaderMap, HeaderValue, Method, header};
+use axum::http::{HeaderMap, HeaderValue, header};
 use axum::middleware::Next;
 use axum::response::{IntoResponse, Response};
 use std::net::{Ipv4Addr, Ipv6Addr};
-use std::sync::Arc;
 use tracing::Instrument;
 use videofields_recording::telemetry;
-use videofields_vision::error::ErrorKind;
 
 /// Route label of requests that no route matches.
 const NO_ROUTE: &str = "(none)";
@@ -118,39 +116,5 @@ fn set_security_fields(headers: &mut HeaderMap, site: &Site) {
     if site.is_encrypted {
         // A year: a browser that was here once comes back encrypted, whatever a link says.
         set(header::STRICT_TRANSPORT_SECURITY, "max-age=31536000");
-    }
-}
-
-/// Holds the requests behind it to a number at once, and each to a time.
-pub(super) async fn limit(State(api): State<Api>, request: Request, next: Next) -> Response {
-    let Ok(permit) = Arc::clone(&api.requests).try_acquire_owned() else {
-        let at_once = api.limits.requests_at_once;
-        let detail = format!("{at_once} requests are being answered already");
-        return Problem::new(ErrorKind::Unavailable, detail).into_response();
-    };
-    let time = api.limits.request_time;
-    let is_change = !matches!(*request.method(), Method::GET | Method::HEAD);
-    let answering = async move {
-        let response = next.run(request).await;
-        drop(permit);
-        response
-    };
-    let answered = if is_change {
-        // A change that takes too long goes on: broken off, what is on disk and what is in force could be two things.
-        let changing = tokio::spawn(answering.in_current_span());
-        tokio::time::timeout(time, changing).await.map(|changed| {
-            changed.unwrap_or_else(|error| {
-                Problem::new(ErrorKind::Internal, format!("a change broke off: {error}")).into_response()
-            })
-        })
-    } else {
-        tokio::time::timeout(time, answering).await
-    };
-    match answered {
-        Ok(response) => response,
-        Err(_elapsed) => {
-            let detail = format!("no answer within {:.1} s", time.as_secs_f64());
-            Problem::new(ErrorKind::Unavailable, detail).into_response()
-        }
     }
 }

@@ -9,6 +9,7 @@ use super::system;
 use axum::Json;
 use axum::http::{StatusCode, header};
 use axum::response::{IntoResponse, Response};
+use serde_json::json;
 
 /// Routes for who watches the process.
 pub(super) fn routes() -> Routes {
@@ -26,7 +27,7 @@ pub(super) fn routes() -> Routes {
 
 /// Always 200: who reads it knows that the process answers.
 pub(super) async fn live() -> Response {
-    let body = Json(serde_json::json!({ "status": "ok", "version": env!("CARGO_PKG_VERSION") }));
+    let body = Json(json!({ "status": "ok", "version": env!("CARGO_PKG_VERSION") }));
     ([(header::CACHE_CONTROL, "no-store")], body).into_response()
 }
 
@@ -34,5 +35,11 @@ pub(super) async fn live() -> Response {
 pub(super) async fn ready(Asked(api): Asked) -> Response {
     let readiness = api.door.readiness();
     let status = if readiness.ready { StatusCode::OK } else { StatusCode::SERVICE_UNAVAILABLE };
-    (status, [(header::CACHE_CONTROL, "no-store")], Json(readiness)).into_response()
+    let mut document = json!(readiness);
+    if api.identity.is_stranger()
+        && let Some(members) = document.as_object_mut()
+    {
+        members.remove("cameras_with_frames");
+    }
+    (status, [(header::CACHE_CONTROL, "no-store")], Json(document)).into_response()
 }

@@ -157,7 +157,7 @@ pub(super) async fn once(
     answering: impl Future<Output = Result<Response, Problem>>,
 ) -> Result<Response, Problem> {
     let Some(key) = key_of(headers)? else { return answering.await };
-    refuse_foreign(headers)?;
+    refuse_foreign(&api.site, headers)?;
     let caller = api.identity.caller.clone();
     let of = KeyOf { user: caller.user, grants: caller.grants, route, key };
     let asked = digest(query.unwrap_or_default(), body);

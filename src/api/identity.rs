@@ -57,6 +57,11 @@ impl Identity {
         Self { caller, credential: None }
     }
 
+    /// Returns true for who is neither a user nor, while there are no users, everybody.
+    pub(super) fn is_stranger(&self) -> bool {
+        self.caller.user.is_none() && !self.caller.grants.is_everything()
+    }
+
     /// Whose screen a token makes a browser; none if the token is nobody's.
     pub(super) fn screen(accounts: &Accounts, token: String) -> Option<Self> {
         Self::of(accounts, Credential::Screen(token))
@@ -115,7 +120,7 @@ pub(super) async fn require(request: Request, next: Next) -> Response {
     let Some(identity) = request.extensions().get::<Identity>() else {
         return Problem::new(ErrorKind::Internal, "nobody looked up who asks").into_response();
     };
-    if identity.caller.user.is_none() && !identity.caller.grants.is_everything() {
+    if identity.is_stranger() {
         let detail = "log in (POST /api/v1/session), or send a token: Authorization: Bearer vf_...";
         return Problem::new(ErrorKind::Unauthenticated, detail).into_response();
     }

@@ -293,7 +293,7 @@ fn check_versions<K: Kind>(api: &Api) -> Result<(), Problem> {
 /// Refuses who may not change this document, and names that none can have.
 fn check<K: Kind>(api: &Api, id: &str, headers: &HeaderMap) -> Result<(), Problem> {
     let kind = K::KIND.as_str();
-    refuse_foreign(headers)?;
+    refuse_foreign(&api.site, headers)?;
     if api.identity.caller.grants.role() == Role::Viewer {
         let detail = format!("changing {} is for operators and admins", K::LIST);
         return Err(Problem::new(ErrorKind::Forbidden, detail));

@@ -6,6 +6,8 @@
 
 mod accuracy;
 mod activity;
+mod address;
+mod admission;
 mod alignment;
 mod assets;
 mod audit;
@@ -41,6 +43,7 @@ mod identity;
 mod jobs;
 mod kept;
 mod locate;
+mod log_budget;
 mod metrics;
 mod openapi;
 mod operation;
@@ -60,6 +63,7 @@ mod screens;
 mod segments;
 mod serve;
 mod session;
+mod shares;
 mod snapshot_making;
 mod snapshots;
 mod sockets;
@@ -105,6 +109,7 @@ use videofields_service::evidence::Snapshots;
 use videofields_service::wall::FrameLock;
 use videofields_vision::access::Grants;
 use videofields_vision::clock::Clock;
+use videofields_vision::config::Network;
 use videofields_vision::error::ErrorKind;
 
 /// What requests are held to.
@@ -116,7 +121,8 @@ pub struct Limits {
     pub field_bytes: usize,
     /// Longest time until the answer begins; then 503. Default 10 s.
     pub request_time: Duration,
-    /// Requests answered at once, the probes and metrics not counted; more get 503. Default 64.
+    /// Requests answered at once, strangers', the probes and metrics not counted; more get 503, and so does a user who has as many as
+    /// are left for others. Default 64.
     pub requests_at_once: usize,
     /// Most bytes of pictures that clients have asked for and not taken yet, 1 MiB to 1 TiB; more get 503. Default
     /// 256 MiB.
@@ -159,7 +165,7 @@ struct Api {
     /// By the clock's monotonic time.
     started: Duration,
     limits: Limits,
-    requests: Arc<Semaphore>,
+    admission: admission::Admission,
     encoders: Arc<Semaphore>,
     encoding_pace: Arc<encoding::EncodingPace>,
     meshes: Arc<Semaphore>,
@@ -177,6 +183,8 @@ struct Api {
     connection: connection::Connection,
     /// Of pictures that were shown.
     tags: Arc<tags::KnownTags>,
+    /// Lines that strangers may still have written into the log.
+    stranger_lines: Arc<log_budget::LogBudget>,
     /// Answers to jobs that were asked for with a key.
     answered: Arc<idempotency::Answered>,
     /// Scenes of other programs that are taken in at once.
@@ -216,6 +224,8 @@ pub struct Site {
     pub hosts: Vec<String>,
     /// Whether connections are encrypted by the daemon itself: browsers are then told to come in no other way.
     pub is_encrypted: bool,
+    /// Addresses of proxies that are believed where they say for whom they ask.
+    pub trusted_proxies: Vec<Network>,
 }
 
 /// Who is let in, and where it is noted what they do.
@@ -243,7 +253,6 @@ pub fn router_within(
     clock: Arc<dyn Clock>,
     site: Site,
 ) -> Router {
-    let requests = Arc::new(Semaphore::new(limits.requests_at_once));
     let encoders = Arc::new(Semaphore::new(limits.encoders.max(1)));
     let strips = Arc::new(Semaphore::new(strip::AT_ONCE));
     let frame_lock = Arc::new(FrameLock::new(clock.now(), clock.monotonic()));
@@ -259,7 +268,7 @@ pub fn router_within(
         started: clock.monotonic(),
         clock,
         limits,
-        requests,
+        admission: admission::Admission::new(&limits),
         encoders,
         encoding_pace: Arc::default(),
         strips,
@@ -274,6 +283,7 @@ pub fn router_within(
         feeds: Arc::default(),
         connection: connection::Connection::default(),
         tags: Arc::default(),
+        stranger_lines: Arc::default(),
         answered: Arc::default(),
         imports: Arc::new(Semaphore::new(scene_exchange::AT_ONCE)),
         looks: Arc::new(Semaphore::new(source_looks::AT_ONCE)),
@@ -291,7 +301,7 @@ pub fn router_within(
         .layer(from_fn(compress::tell_compressed))
         // Within the limits: what is noted of a change is what came of it, though its caller heard that it takes too long.
         .layer(from_fn_with_state(api.clone(), audit::note))
-        .layer(from_fn_with_state(api.clone(), guard::limit));
+        .layer(from_fn_with_state(api.clone(), admission::admit));
     probes()
         .router()
         .merge(limited)

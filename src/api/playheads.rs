@@ -105,7 +105,7 @@ pub(super) async fn put(
     Content(body): Content,
 ) -> Result<Response, Problem> {
     Query::parse(raw.as_deref(), NONE).finish(Some(()))?;
-    refuse_foreign(&headers)?;
+    refuse_foreign(&api.site, &headers)?;
     if !is_id(&id) {
         let message = "a playhead's name is 1 to 64 of a-z, 0-9, - and _, the first a letter or digit";
         return Err(EngineError::Request(Fault::new("id", message)).into());
@@ -123,7 +123,7 @@ pub(super) async fn change(
     Content(body): Content,
 ) -> Result<Response, Problem> {
     Query::parse(raw.as_deref(), NONE).finish(Some(()))?;
-    refuse_foreign(&headers)?;
+    refuse_foreign(&api.site, &headers)?;
     let (body, condition) = (read_body(&body)?, optional(&headers)?);
     changed(&api, (id, condition), move |door, id| door.change_playhead(id, body)).await
 }
@@ -162,7 +162,7 @@ pub(super) async fn remove(
     headers: HeaderMap,
 ) -> Result<Response, Problem> {
     Query::parse(raw.as_deref(), NONE).finish(Some(()))?;
-    refuse_foreign(&headers)?;
+    refuse_foreign(&api.site, &headers)?;
     let condition = optional(&headers)?;
     match &api.catalog {
         Some(catalog) => {

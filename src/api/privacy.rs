@@ -128,7 +128,7 @@ pub(super) async fn remove(
 
 /// Refuses who may not change this camera.
 fn check(api: &Api, id: &str, headers: &HeaderMap) -> Result<(), Problem> {
-    refuse_foreign(headers)?;
+    refuse_foreign(&api.site, headers)?;
     api.door.check_privacy_change(id).map_err(|error| problem_of(api, error))
 }
 

@@ -248,7 +248,7 @@ fn read_change(raw: Option<&str>) -> Result<bool, Problem> {
 
 /// Refuses who may not change scenes, and names that none can have.
 pub(super) fn check(api: &Api, id: &str, headers: &HeaderMap) -> Result<(), Problem> {
-    refuse_foreign(headers)?;
+    refuse_foreign(&api.site, headers)?;
     api.check_admin("changing scenes")?;
     if is_id(id) {
         return Ok(());

@@ -232,7 +232,7 @@ async fn put(
     Content(body): Content,
 ) -> Result<Response, Problem> {
     Query::parse(raw.as_deref(), NONE).finish(Some(()))?;
-    refuse_foreign(&headers)?;
+    refuse_foreign(&api.site, &headers)?;
     if api.identity.caller.grants.role() == Role::Viewer {
         return Err(Problem::new(ErrorKind::Forbidden, "what walls show is for operators and admins"));
     }

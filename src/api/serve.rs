@@ -15,6 +15,7 @@ use hyper_util::rt::{TokioIo, TokioTimer};
 use hyper_util::service::TowerToHyperService;
 use socket2::SockRef;
 use std::convert::Infallible;
+use std::net::IpAddr;
 use std::pin::pin;
 use std::sync::Arc;
 use std::time::Duration;
@@ -120,14 +121,14 @@ pub async fn serve_within(
 
 /// The next connection. After the machine refused one, none is asked for until `rest` is over, also where this is begun anew
 /// meanwhile: connections that end must not make it ask without pause.
-async fn next_connection(listener: &TcpListener, rest: &mut Option<Instant>) -> TcpStream {
+async fn next_connection(listener: &TcpListener, rest: &mut Option<Instant>) -> (TcpStream, IpAddr) {
     loop {
         if let Some(until) = *rest {
             tokio::time::sleep_until(until).await;
             *rest = None;
         }
         match listener.accept().await {
-            Ok((stream, _)) => return stream,
+            Ok((stream, peer)) => return (stream, peer.ip()),
             Err(error) => {
                 tracing::warn!(%error, "a connection could not be taken");
                 *rest = Some(Instant::now() + REFUSED_PAUSE);
@@ -155,7 +156,7 @@ fn note_end(ended: Result<(), tokio::task::JoinError>) {
 }
 
 async fn welcome(
-    stream: TcpStream,
+    (stream, peer): (TcpStream, IpAddr),
     (_slot, seat): (OwnedSemaphorePermit, Seat),
     tls: Option<Arc<Tls>>,
     (router, mut stopping, times): (Router, watch::Receiver<bool>, ConnectionTimes),
@@ -166,28 +167,28 @@ async fn welcome(
     if let Err(error) = SockRef::from(&stream).set_tcp_notsent_lowat(UNSENT_BYTES) {
         tracing::debug!(%error, "more may be drawn for slow clients than they take");
     }
-    let Some(tls) = tls else { return converse((stream, &seat), router, stopping, times).await };
+    let Some(tls) = tls else { return converse((stream, &seat, peer), router, stopping, times).await };
     let agreed = tokio::select! {
         () = seat.guest.asked_to_leave() => return,
         agreed = tokio::time::timeout(HEAD_TIME, tls.accept(stream)) => agreed,
         _stopped_or_gone = stopping.wait_for(|is_stopping| *is_stopping) => return,
     };
     match agreed {
-        Ok(Ok(stream)) => converse((stream, &seat), router, stopping, times).await,
+        Ok(Ok(stream)) => converse((stream, &seat, peer), router, stopping, times).await,
         Ok(Err(error)) => tracing::debug!(%error, "no agreement on a connection's encryption"),
         Err(_elapsed) => tracing::debug!("a connection took too long to agree on its encryption"),
     }
 }
 
 async fn converse<S>(
-    (stream, seat): (S, &Seat),
+    (stream, seat, peer): (S, &Seat, IpAddr),
     router: Router,
     mut stopping: watch::Receiver<bool>,
     times: ConnectionTimes,
 ) where
     S: AsyncRead + AsyncWrite + Unpin + Send + 'static,
 {
-    let own = Connection::new(stopping.clone());
+    let own = Connection::new(peer, stopping.clone());
     let routes = TowerToHyperService::new(router);
     let service = {
         let (own, guest) = (own.clone(), Arc::clone(&seat.guest));

@@ -1,9 +1,12 @@
 //! `/api/v1/session`: who the caller is, and logging a page or a wall's screen in and out.
 
 use super::Site;
+use super::address;
+use super::audit::{Actor, Noted};
 use super::content::Content;
 use super::error::Problem;
 use super::identity::{Asked, COOKIE, Credential, Identity, NOBODYS_TOKEN, SCREEN_COOKIE};
+use super::log_budget::shortened;
 use super::openapi::Routes;
 use super::operation::{Answer, Operation};
 use super::parameters::NONE;
@@ -18,7 +21,7 @@ use axum::response::{IntoResponse, Response};
 use serde::Deserialize;
 use serde_json::{Value, json};
 use std::time::Duration;
-use videofields_recording::accounts::{Caller, SESSION_TIME};
+use videofields_recording::accounts::{Attempt, Caller, SESSION_TIME};
 use videofields_vision::error::{ErrorKind, Fault};
 
 const NO_STORE: (header::HeaderName, &str) = (header::CACHE_CONTROL, "no-store");
@@ -75,13 +78,17 @@ pub(super) async fn log_in(
     Content(body): Content,
 ) -> Result<Response, Problem> {
     Query::parse(raw.as_deref(), NONE).finish(Some(()))?;
-    refuse_foreign(&headers)?;
+    refuse_foreign(&api.site, &headers)?;
+    let from = address::of(api.connection.peer(), &headers, &api.site.trusted_proxies);
     let (identity, cookie) = match read_members(&body)? {
         Credentials { user: Some(user), password: Some(password), token: None } => {
-            let logged = api.accounts()?.log_in(&user, &password).await.inspect_err(|error| {
-                tracing::warn!(?user, %error, "a log-in failed");
+            let attempt = Attempt { name: &user, address: from.map(address::network_of) };
+            let logged = api.accounts()?.log_in(attempt, &password).await.inspect_err(|error| {
+                if let Some(n_left_out) = api.stranger_lines.spend(api.clock.monotonic()) {
+                    tracing::warn!(user = ?shortened(&user), ?from, %error, n_left_out, "a log-in failed");
+                }
             })?;
-            tracing::info!(user, "logged in");
+            tracing::info!(user, ?from, "logged in");
             let cookie = cookie(COOKIE, &logged.session, SESSION_TIME, &api.site);
             (
                 Identity { caller: logged.caller, credential: Some(Credential::Session(logged.session)) },
@@ -90,10 +97,12 @@ pub(super) async fn log_in(
         }
         Credentials { user: None, password: None, token: Some(token) } => {
             let Some(identity) = Identity::screen(api.accounts()?, token.clone()) else {
-                tracing::warn!("a screen's log-in failed");
+                if let Some(n_left_out) = api.stranger_lines.spend(api.clock.monotonic()) {
+                    tracing::warn!(?from, n_left_out, "a screen's log-in failed");
+                }
                 return Err(Problem::new(ErrorKind::Unauthenticated, NOBODYS_TOKEN));
             };
-            tracing::info!(user = identity.caller.user, "a screen logged in");
+            tracing::info!(user = identity.caller.user, ?from, "a screen logged in");
             (identity, cookie(SCREEN_COOKIE, &token, SCREEN_TIME, &api.site))
         }
         _ => {
@@ -103,6 +112,11 @@ pub(super) async fn log_in(
     };
     let mut response = ([NO_STORE], Json(document(&identity))).into_response();
     response.headers_mut().insert(header::SET_COOKIE, cookie);
+    if let Some(user) = identity.caller.user {
+        response.extensions_mut().insert(Actor(user));
+    }
+    let from = from.map_or_else(|| "unknown".to_owned(), |address| address.to_string());
+    response.extensions_mut().insert(Noted(format!("from={from}")));
     Ok(response)
 }
 
@@ -113,7 +127,7 @@ pub(super) async fn log_out(
     headers: HeaderMap,
 ) -> Result<Response, Problem> {
     Query::parse(raw.as_deref(), NONE).finish(Some(()))?;
-    refuse_foreign(&headers)?;
+    refuse_foreign(&api.site, &headers)?;
     if let Some(Credential::Session(key)) = &api.identity.credential {
         api.accounts()?.log_out(key);
     }

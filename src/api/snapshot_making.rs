@@ -52,7 +52,7 @@ pub(super) async fn make(
     Content(body): Content,
 ) -> Result<Response, Problem> {
     Query::parse(raw.as_deref(), NONE).finish(Some(()))?;
-    refuse_foreign(&headers)?;
+    refuse_foreign(&api.site, &headers)?;
     let route = "POST /api/v1/snapshots";
     let keyed = idempotency::Wanted { route, headers: &headers, query: raw.as_deref(), body: &body };
     idempotency::once(&api, keyed, begin(&api, &body)).await

@@ -312,7 +312,7 @@ pub(super) async fn change(
     Content(body): Content,
 ) -> Result<Response, Problem> {
     Query::parse(raw.as_deref(), NONE).finish(Some(()))?;
-    refuse_foreign(&headers)?;
+    refuse_foreign(&api.site, &headers)?;
     let reader = api.reader()?;
     reader.one(&id).await?;
     let condition = required(&headers)?;
@@ -330,7 +330,7 @@ pub(super) async fn remove(
     headers: HeaderMap,
 ) -> Result<Response, Problem> {
     Query::parse(raw.as_deref(), NONE).finish(Some(()))?;
-    refuse_foreign(&headers)?;
+    refuse_foreign(&api.site, &headers)?;
     let reader = api.reader()?;
     reader.one(&id).await?;
     reader.remove(&id, required(&headers)?).await?;

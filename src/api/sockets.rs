@@ -13,12 +13,13 @@ use super::parameters::{Parameter, words};
 use super::query::Query;
 use super::screens::{Health, Place};
 use super::segments::Segments;
+use super::tune::{is_own_origin, refuse_foreign};
 use super::wall_tiles::Wishes;
 use super::{Api, Site, effects, effort, scenes, view, views, walls};
 use axum::extract::RawQuery;
 use axum::extract::ws::rejection::WebSocketUpgradeRejection;
 use axum::extract::ws::{CloseFrame, Message, WebSocket, WebSocketUpgrade, close_code};
-use axum::http::{HeaderMap, header};
+use axum::http::HeaderMap;
 use axum::response::Response;
 use futures_util::future::BoxFuture;
 use serde::Deserialize;
@@ -179,32 +180,16 @@ pub(super) fn accept(
     headers: &HeaderMap,
     upgrade: Upgrade,
 ) -> Result<WebSocketUpgrade, Problem> {
-    super::tune::refuse_foreign(headers)?;
     if !is_own_origin(site, headers) {
         let detail = "a page of another site asks for this; only the daemon's own may";
         return Err(Problem::new(ErrorKind::Forbidden, detail));
     }
+    refuse_foreign(site, headers)?;
     let upgrade = upgrade.map_err(|rejection| {
         let detail = format!("this is answered by WebSocket (RFC 6455) alone: {}", rejection.body_text());
         Problem::new(ErrorKind::Invalid, detail)
     })?;
     Ok(upgrade.max_message_size(MAX_SAID_BYTES).max_frame_size(MAX_SAID_BYTES))
-}
-
-/// Whether a request comes from no page, or from one of this daemon's.
-fn is_own_origin(site: &Site, headers: &HeaderMap) -> bool {
-    let Some(origin) = headers.get(header::ORIGIN) else { return true };
-    let (Ok(origin), Some(host)) =
-        (origin.to_str(), headers.get(header::HOST).and_then(|host| host.to_str().ok()))
-    else {
-        return false;
-    };
-    match origin.split_once("://") {
-        Some(("https", of)) => of.eq_ignore_ascii_case(host),
-        // What encrypts before the daemon is not known to it.
-        Some(("http", of)) => !site.is_encrypted && of.eq_ignore_ascii_case(host),
-        _ => false,
-    }
 }
 
 /// Why a conversation ends.
@@ -430,38 +415,5 @@ pub(super) async fn farewell(socket: &mut WebSocket, code: u16, reason: &str) {
     };
     if tokio::time::timeout(FAREWELL_TIME, heard).await.is_err() {
         tracing::debug!(code, reason, "a client does not hear why it is left");
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use axum::http::HeaderValue;
-
-    #[test]
-    fn pages_of_other_sites_are_told_by_their_origin() {
-        let check = |is_encrypted: bool, origin: Option<&'static str>, expected: bool| {
-            let site = Site { is_encrypted, ..Site::default() };
-            let mut headers = HeaderMap::new();
-            headers.insert(header::HOST, HeaderValue::from_static("wall.example:8443"));
-            if let Some(origin) = origin {
-                headers.insert(header::ORIGIN, HeaderValue::from_static(origin));
-            }
-            assert_eq!(is_own_origin(&site, &headers), expected, "{origin:?}");
-        };
-        check(true, None, true);
-        check(true, Some("https://wall.example:8443"), true);
-        check(true, Some("https://WALL.example:8443"), true);
-        check(true, Some("http://wall.example:8443"), false);
-        check(false, Some("http://wall.example:8443"), true);
-        for other in [
-            "https://wall.example",
-            "https://evil.example",
-            "https://wall.example:8443.evil.example",
-            "null",
-            "",
-        ] {
-            check(false, Some(other), false);
-        }
     }
 }

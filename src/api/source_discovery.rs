@@ -64,7 +64,7 @@ pub(super) async fn discover(
     Content(body): Content,
 ) -> Result<Response, Problem> {
     Query::parse(raw.as_deref(), NONE).finish(Some(()))?;
-    refuse_foreign(&headers)?;
+    refuse_foreign(&api.site, &headers)?;
     api.check_admin("looking for cameras")?;
     let asking: Asking = read_members(&body)?;
     check(&asking)?;

@@ -68,7 +68,7 @@ pub(super) async fn look_once(
     Content(body): Content,
 ) -> Result<Response, Problem> {
     Query::parse(raw.as_deref(), NONE).finish(Some(()))?;
-    refuse_foreign(&headers)?;
+    refuse_foreign(&api.site, &headers)?;
     api.check_admin("looking at sources")?;
     let Asking { source, at_secs } = read_members(&body)?;
     let made = MadeCamera::read(json!({ "source": source }), None);

@@ -80,7 +80,7 @@ pub(super) async fn add(
     Content(body): Content,
 ) -> Result<Response, Problem> {
     Query::parse(raw.as_deref(), NONE).finish(Some(()))?;
-    refuse_foreign(&headers)?;
+    refuse_foreign(&api.site, &headers)?;
     let (asked, expires_at) = read(&body, api.clock.now())?;
     let own = api.identity.caller.user.as_deref();
     let Some(user) = asked.user.as_deref().or(own) else {
@@ -122,7 +122,7 @@ pub(super) async fn remove(
     headers: HeaderMap,
 ) -> Result<Response, Problem> {
     Query::parse(raw.as_deref(), NONE).finish(Some(()))?;
-    refuse_foreign(&headers)?;
+    refuse_foreign(&api.site, &headers)?;
     let caller = &api.identity.caller;
     let whose = if caller.grants.role() == Role::Admin { None } else { caller.user.as_deref() };
     api.accounts()?.remove_token(&id, whose).await?;

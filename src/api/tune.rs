@@ -10,7 +10,7 @@ use super::operation::{Answer, Operation};
 use super::parameters::NONE;
 use super::query::Query;
 use super::segments::Segments;
-use super::{Api, cameras, schema};
+use super::{Api, Site, cameras, schema};
 use axum::Json;
 use axum::extract::RawQuery;
 use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
@@ -103,7 +103,7 @@ pub(super) async fn change(
     Content(body): Content,
 ) -> Result<Response, Problem> {
     Query::parse(raw.as_deref(), NONE).finish(Some(()))?;
-    refuse_foreign(&headers)?;
+    refuse_foreign(&api.site, &headers)?;
     let Some(catalog) = &api.catalog else {
         let changed = api.door.change_segment(&id, read_body(&body)?);
         return Ok(answer(None, Json(changed.map_err(|error| problem_of(&api, error))?)));
@@ -123,7 +123,7 @@ pub(super) async fn forget(
     headers: HeaderMap,
 ) -> Result<Response, Problem> {
     Query::parse(raw.as_deref(), NONE).finish(Some(()))?;
-    refuse_foreign(&headers)?;
+    refuse_foreign(&api.site, &headers)?;
     check(&api, &id)?;
     let asked = asked(&api, id, &headers)?;
     let forgotten = api.catalog()?.forget_segment(&api.door, asked).await;
@@ -152,7 +152,7 @@ pub(super) async fn change_source(
     Content(body): Content,
 ) -> Result<Response, Problem> {
     Query::parse(raw.as_deref(), NONE).finish(Some(()))?;
-    refuse_foreign(&headers)?;
+    refuse_foreign(&api.site, &headers)?;
     let change = read_body(&body)?;
     let Some(catalog) = &api.catalog else {
         // What fed the camera before must end first.
@@ -173,7 +173,7 @@ pub(super) async fn forget_source(
     headers: HeaderMap,
 ) -> Result<Response, Problem> {
     Query::parse(raw.as_deref(), NONE).finish(Some(()))?;
-    refuse_foreign(&headers)?;
+    refuse_foreign(&api.site, &headers)?;
     check(&api, &id)?;
     let asked = asked(&api, id, &headers)?;
     let forgotten = api.catalog()?.forget_feed(&api.door, asked).await;
@@ -220,7 +220,7 @@ pub(super) async fn accept_place(
     headers: HeaderMap,
 ) -> Result<Response, Problem> {
     Query::parse(raw.as_deref(), NONE).finish(Some(()))?;
-    refuse_foreign(&headers)?;
+    refuse_foreign(&api.site, &headers)?;
     api.door.accept_place(&id).map_err(|error| problem_of(&api, error))?;
     Ok((StatusCode::NO_CONTENT, [(header::CACHE_CONTROL, "no-store")]).into_response())
 }
@@ -252,11 +252,63 @@ pub(super) fn read_members<T: DeserializeOwned>(body: &[u8]) -> Result<T, Proble
 
 /// Refuses what a page of another site asks for. Where there are no users, any page open in the
 /// operator's browser could else change what the daemon does.
-pub(super) fn refuse_foreign(headers: &HeaderMap) -> Result<(), Problem> {
-    let is_foreign = headers.get(FETCH_SITE).is_some_and(|site| site != "same-origin" && site != "none");
+pub(super) fn refuse_foreign(site: &Site, headers: &HeaderMap) -> Result<(), Problem> {
+    let is_foreign = match headers.get(FETCH_SITE) {
+        Some(from) => from != "same-origin" && from != "none",
+        // Browsers of before 2023, and others that send the older field alone.
+        None => !is_own_origin(site, headers),
+    };
     if is_foreign {
         let detail = "a page of another site asks for this; only the daemon's own may";
         return Err(Problem::new(ErrorKind::Invalid, detail));
     }
     Ok(())
+}
+
+/// Returns true for a request that comes from no page, or from one of this daemon's by its origin.
+pub(super) fn is_own_origin(site: &Site, headers: &HeaderMap) -> bool {
+    let Some(origin) = headers.get(header::ORIGIN) else { return true };
+    let (Ok(origin), Some(host)) =
+        (origin.to_str(), headers.get(header::HOST).and_then(|host| host.to_str().ok()))
+    else {
+        return false;
+    };
+    match origin.split_once("://") {
+        Some(("https", of)) => of.eq_ignore_ascii_case(host),
+        // What encrypts before the daemon is not known to it.
+        Some(("http", of)) => !site.is_encrypted && of.eq_ignore_ascii_case(host),
+        _ => false,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn pages_of_other_sites_are_told_by_their_origin() {
+        let check = |is_encrypted: bool, origin: Option<&'static str>, expected: bool| {
+            let site = Site { is_encrypted, ..Site::default() };
+            let mut headers = HeaderMap::new();
+            headers.insert(header::HOST, HeaderValue::from_static("wall.example:8443"));
+            if let Some(origin) = origin {
+                headers.insert(header::ORIGIN, HeaderValue::from_static(origin));
+            }
+            assert_eq!(is_own_origin(&site, &headers), expected, "{origin:?}");
+        };
+        check(true, None, true);
+        check(true, Some("https://wall.example:8443"), true);
+        check(true, Some("https://WALL.example:8443"), true);
+        check(true, Some("http://wall.example:8443"), false);
+        check(false, Some("http://wall.example:8443"), true);
+        for other in [
+            "https://wall.example",
+            "https://evil.example",
+            "https://wall.example:8443.evil.example",
+            "null",
+            "",
+        ] {
+            check(false, Some(other), false);
+        }
+    }
 }

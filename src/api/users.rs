@@ -87,7 +87,7 @@ pub(super) async fn put(
     Content(body): Content,
 ) -> Result<Response, Problem> {
     Query::parse(raw.as_deref(), NONE).finish(Some(()))?;
-    refuse_foreign(&headers)?;
+    refuse_foreign(&api.site, &headers)?;
     api.check_admin("changing users")?;
     if !is_id(&id) {
         let message = "a user's name is 1 to 64 of a-z, 0-9, - and _, the first a letter or digit";
@@ -112,7 +112,7 @@ pub(super) async fn remove(
     headers: HeaderMap,
 ) -> Result<Response, Problem> {
     Query::parse(raw.as_deref(), NONE).finish(Some(()))?;
-    refuse_foreign(&headers)?;
+    refuse_foreign(&api.site, &headers)?;
     api.check_admin("removing users")?;
     let now = api.accounts()?.user(&id)?.version;
     let was = match required(&headers)? {

@@ -143,7 +143,11 @@ async fn run(config: &Config, load: Load, announce: impl FnOnce(&str)) -> Result
         last: tokio::sync::Mutex::new(in_file),
     });
     let trust = api::Trust { accounts: Arc::clone(&accounts), audit, catalog, snapshots: snapshots.clone() };
-    let site = Site { hosts: settings.server.hosts.clone(), is_encrypted: tls.is_some() };
+    let site = Site {
+        hosts: settings.server.hosts.clone(),
+        is_encrypted: tls.is_some(),
+        trusted_proxies: settings.server.trusted_proxies.clone(),
+    };
     let router = api::router(engine.handle(), trust, Arc::clone(&clock), site);
     let mut upkeep = JoinSet::new();
     upkeep.spawn(upkeep::follow_accounts(Arc::downgrade(&accounts)));

@@ -16,6 +16,7 @@ mod playheads;
 mod refusals;
 mod server;
 pub(crate) mod sockets;
+mod strangers;
 mod streams;
 mod strip;
 mod timeline;

@@ -81,12 +81,18 @@ pub(crate) fn health() -> Value {
 }
 
 fn readiness() -> Value {
-    object([
+    let mut schema = object([
         ("ready", boolean(), "Whether every part is"),
         ("store", boolean(), "Whether the database takes what is written to it"),
         ("renderer", text(), "The adapter's name, or why there is none"),
-        ("cameras_with_frames", exactly(2, count()), "How many, and of how many"),
-    ])
+        (
+            "cameras_with_frames",
+            exactly(2, count()),
+            "How many, and of how many; strangers are told nothing of them",
+        ),
+    ]);
+    schema["required"] = json!(["ready", "store", "renderer"]);
+    schema
 }
 
 fn accuracy() -> Value {

@@ -14,6 +14,7 @@ pub use audit::Audit;
 pub use document::{TokenSummary, UserChange, UserSummary};
 pub use error::AccountError;
 pub use secret::NoRandomness;
+pub use throttle::Attempt;
 
 use crate::store::{Store, StoreError, TokenRecord, UserRecord};
 use document::User;
@@ -32,6 +33,9 @@ pub const SESSION_TIME: Duration = Duration::from_secs(12 * 3600);
 const MAX_USERS: usize = 1024;
 const MAX_TOKENS: usize = 4096;
 const MAX_SESSIONS: usize = 4096;
+
+/// Longest name that may be a user's, bytes.
+const MAX_NAME_BYTES: usize = 64;
 
 /// Passwords that are hashed at once: each takes 19 MiB and a processor for some tens of milliseconds.
 const HASHED_AT_ONCE: usize = 2;
@@ -168,13 +172,17 @@ impl Accounts {
     /// # Errors
     /// [`AccountError::WrongPassword`], whether or not there is such a user; [`AccountError::Throttled`] after several of
     /// these; [`AccountError::NoRandomness`].
-    pub async fn log_in(&self, id: &str, password: &str) -> Result<LogIn, AccountError> {
-        let now = self.clock.monotonic();
-        if let Some(wait) = self.throttle().wait(id, now) {
+    pub async fn log_in(&self, attempt: Attempt<'_>, password: &str) -> Result<LogIn, AccountError> {
+        let (now, id) = (self.clock.monotonic(), attempt.name);
+        if id.len() > MAX_NAME_BYTES {
+            // Nobody's, and nothing to remember.
+            return Err(AccountError::WrongPassword);
+        }
+        if let Some(wait) = self.throttle().wait(attempt, now) {
             return Err(AccountError::Throttled { wait });
         }
         // Counted before it is tried, so that many tries at once gain nothing.
-        self.throttle().failed(id, now);
+        self.throttle().failed(attempt, now);
         let kept = self.read().users.get(id).and_then(|user| user.record.password.clone());
         let (given, tried) = (password.to_owned(), kept.clone());
         let is_right = self.hashed(move || secret::is_password(&given, tried.as_deref())).await?;
@@ -184,7 +192,7 @@ impl Accounts {
         let user = book.users.get(id).filter(|user| is_right && user.record.password == kept);
         let caller =
             user.map(|user| user.caller(Some(csrf_token.clone()))).ok_or(AccountError::WrongPassword)?;
-        self.throttle().succeeded(id);
+        self.throttle().succeeded(attempt);
         book.sessions.retain(|_, session| session.until > now);
         if book.sessions.len() >= MAX_SESSIONS {
             return Err(AccountError::TooMany { what: "sessions", most: MAX_SESSIONS });

@@ -65,6 +65,7 @@ macro_rules! keys {
 keys! {
     server.listen: AtRestart,
     server.hosts: AtRestart,
+    server.trusted_proxies: AtRestart,
     // What the files hold is read again once a minute and on SIGHUP; which files they are is not.
     server.certificate: AtRestart,
     server.private_key: AtRestart,

@@ -61,6 +61,9 @@ pub struct ServerSettings {
     /// Names, without port, by which browsers may address the daemon beside IP addresses and `localhost`, such as the
     /// one of a proxy before it; a page of any other name gets nothing. At most 64. Default none.
     pub hosts: Vec<String>,
+    /// Addresses, or blocks of them, of proxies before the daemon, at most 64: where they ask, the address in their `X-Forwarded-For` or
+    /// `Forwarded` counts as the caller's, by which strangers are limited. Default none.
+    pub trusted_proxies: Vec<Network>,
     /// A certificate with its chain, PEM: connections are encrypted with it (TLS 1.2 and 1.3). Empty encrypts nothing.
     /// Read again once a minute and on SIGHUP. Default empty.
     pub certificate: PathBuf,
@@ -73,6 +76,7 @@ impl Default for ServerSettings {
         Self {
             listen: SocketAddr::from(([127, 0, 0, 1], 8080)),
             hosts: Vec::new(),
+            trusted_proxies: Vec::new(),
             certificate: PathBuf::new(),
             private_key: PathBuf::new(),
         }

@@ -115,6 +115,11 @@ fn check_server(server: &ServerSettings, gatherer: &mut Gatherer) {
         gatherer
             .fault("/server/hosts", format!("at most {MAX_HOSTS} names are allowed, got {}", hosts.len()));
     }
+    let n_proxies = server.trusted_proxies.len();
+    if n_proxies > MAX_NETWORKS {
+        gatherer
+            .fault("/server/trusted_proxies", format!("at most {MAX_NETWORKS} are allowed, got {n_proxies}"));
+    }
     for (i, host) in hosts.iter().enumerate() {
         let is_name = (1..=253).contains(&host.len())
             && host.bytes().all(|byte| byte.is_ascii_alphanumeric() || matches!(byte, b'.' | b'-' | b'_'));

@@ -1,0 +1,212 @@
+//! Admits requests: takes in what they bring before they are given a place, and shares places fairly.
+//!
+//! Requests that are answered at once are bounded, and so are bodies that come at once, each by pools of their own for known callers
+//! and for strangers. Within a pool users, or the addresses of strangers, have fair shares ([`Shares`]). A body that never comes takes
+//! a place where bodies come, for as long as bodies may take, and none where requests are answered.
+
+use super::address;
+use super::connection::Connection;
+use super::content::MAX_BODY_BYTES;
+use super::error::Problem;
+use super::identity::Identity;
+use super::shares::{Full, Place, Shares};
+use super::{Api, Limits};
+use axum::body::{Body, Bytes, HttpBody};
+use axum::extract::{MatchedPath, Request, State};
+use axum::http::Method;
+use axum::middleware::Next;
+use axum::response::{IntoResponse, Response};
+use futures_util::{StreamExt, stream};
+use std::net::IpAddr;
+use std::time::Duration;
+use tracing::Instrument;
+use videofields_vision::error::ErrorKind;
+
+/// Requests of strangers that are answered at once, who get the page, the log-in and refusals.
+const STRANGERS_AT_ONCE: usize = 32;
+
+/// Bodies that come at once, of strangers and of known callers.
+const STRANGERS_BODIES: usize = 32;
+const KNOWN_BODIES: usize = 64;
+
+/// Most bytes of a stranger's body: a name and a password.
+const STRANGERS_BYTES: usize = 8 << 10;
+
+/// Longest time until a stranger's body is there.
+const STRANGERS_TIME: Duration = Duration::from_secs(5);
+
+/// The one route that takes a body of strangers.
+const LOG_IN: &str = "/api/v1/session";
+
+/// Places of requests and of their bodies.
+#[derive(Clone, Debug)]
+pub(super) struct Admission {
+    known: Pool<String>,
+    strangers: Pool<IpAddr>,
+}
+
+/// Places for one kind of callers.
+#[derive(Clone, Debug)]
+struct Pool<K> {
+    answers: Shares<K>,
+    bodies: Shares<K>,
+}
+
+/// A place in either pool.
+#[expect(dead_code, reason = "it is held")]
+enum Held {
+    Known(Place<String>),
+    Stranger(Place<IpAddr>),
+}
+
+impl Admission {
+    /// Returns free places, so many for answers to known callers as `limits` say.
+    pub(super) fn new(limits: &Limits) -> Self {
+        let pool =
+            |n_answers, n_bodies| Pool { answers: Shares::new(n_answers), bodies: Shares::new(n_bodies) };
+        let strangers =
+            Pool { answers: Shares::new(STRANGERS_AT_ONCE), bodies: Shares::new(STRANGERS_BODIES) };
+        Self { known: pool(limits.requests_at_once, KNOWN_BODIES), strangers }
+    }
+}
+
+/// Somebody who asks, as far as places are shared.
+#[derive(Clone, Debug)]
+enum Asker {
+    /// A user; none where everybody may do everything.
+    Known(Option<String>),
+    /// A stranger and where they are, as far as that is known.
+    Stranger(Option<IpAddr>),
+}
+
+/// A kind of places.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Kind {
+    Body,
+    Answer,
+}
+
+impl Asker {
+    fn of(api: &Api, request: &Request) -> Self {
+        match request.extensions().get::<Identity>() {
+            Some(identity) if !identity.is_stranger() => Self::Known(identity.caller.user.clone()),
+            _ => {
+                let peer = request.extensions().get::<Connection>().and_then(Connection::peer);
+                let from = address::of(peer, request.headers(), &api.site.trusted_proxies);
+                Self::Stranger(from.map(address::network_of))
+            }
+        }
+    }
+
+    /// Takes a place; the refusal where there is none for them.
+    fn take(&self, admission: &Admission, kind: Kind) -> Result<Held, Problem> {
+        let what = match kind {
+            Kind::Body => "requests are being received",
+            Kind::Answer => "requests are being answered",
+        };
+        let (taken, whose) = match self {
+            Self::Known(user) => {
+                let Pool { answers, bodies } = &admission.known;
+                let shares = if kind == Kind::Body { bodies } else { answers };
+                (shares.take(user.clone()).map(Held::Known), "of this user")
+            }
+            Self::Stranger(address) => {
+                let Pool { answers, bodies } = &admission.strangers;
+                let shares = if kind == Kind::Body { bodies } else { answers };
+                (shares.take(*address).map(Held::Stranger), "from this address")
+            }
+        };
+        taken.map_err(|full| {
+            let detail = match full {
+                Full::All(n_all) => format!("{n_all} {what} already"),
+                Full::Own(n_own) => format!("{n_own} {what} already {whose}, as many as are left for others"),
+            };
+            Problem::new(ErrorKind::Unavailable, detail)
+        })
+    }
+}
+
+/// Gives a request a place once its body is there, and its answer a time.
+pub(super) async fn admit(
+    State(api): State<Api>,
+    matched: Option<MatchedPath>,
+    request: Request,
+    next: Next,
+) -> Response {
+    let asker = Asker::of(&api, &request);
+    let admitted = async {
+        let route = matched.as_ref().map_or("", MatchedPath::as_str);
+        let request = received(&api, &asker, route, request).await?;
+        asker.take(&api.admission, Kind::Answer).map(|place| (request, place))
+    };
+    match admitted.await {
+        Ok((request, place)) => answered(api.limits.request_time, request, place, next).await,
+        Err(problem) => problem.into_response(),
+    }
+}
+
+async fn answered(time: Duration, request: Request, place: Held, next: Next) -> Response {
+    let is_change = !matches!(*request.method(), Method::GET | Method::HEAD);
+    let answering = async move {
+        let response = next.run(request).await;
+        drop(place);
+        response
+    };
+    let answered = if is_change {
+        // A change that takes too long goes on: broken off, what is on disk and what is in force could be two things.
+        let changing = tokio::spawn(answering.in_current_span());
+        tokio::time::timeout(time, changing).await.map(|changed| {
+            changed.unwrap_or_else(|error| {
+                Problem::new(ErrorKind::Internal, format!("a change broke off: {error}")).into_response()
+            })
+        })
+    } else {
+        tokio::time::timeout(time, answering).await
+    };
+    answered.unwrap_or_else(|_elapsed| {
+        let detail = format!("no answer within {:.1} s", time.as_secs_f64());
+        Problem::new(ErrorKind::Unavailable, detail).into_response()
+    })
+}
+
+/// Returns a request whose body is here: all of it, or the first [`MAX_BODY_BYTES`] of one that few routes take. What a stranger sends to
+/// a route that wants none of it is not read.
+async fn received(api: &Api, asker: &Asker, route: &str, request: Request) -> Result<Request, Problem> {
+    let is_stranger = matches!(asker, Asker::Stranger(_));
+    if request.body().is_end_stream() || is_stranger && route != LOG_IN {
+        return Ok(request);
+    }
+    let (most, time) = if is_stranger {
+        (STRANGERS_BYTES, STRANGERS_TIME)
+    } else {
+        (MAX_BODY_BYTES, api.limits.request_time)
+    };
+    let _place = asker.take(&api.admission, Kind::Body)?;
+    let (head, body) = request.into_parts();
+    let mut pieces = body.into_data_stream();
+    let mut first: Vec<u8> = Vec::new();
+    let receiving = async {
+        while first.len() <= most {
+            match pieces.next().await {
+                Some(Ok(piece)) => first.extend_from_slice(&piece),
+                // Whoever reads it meets the same.
+                Some(Err(error)) => return Some(Err(error)),
+                None => return None,
+            }
+        }
+        Some(Ok(Bytes::new()))
+    };
+    let Ok(ended) = tokio::time::timeout(time, receiving).await else {
+        return Err(Problem::content_too_late(time));
+    };
+    if is_stranger && first.len() > most {
+        return Err(Problem::content_too_large());
+    }
+    let first = stream::iter([Ok(Bytes::from(first))]);
+    let body = match ended {
+        None => Body::from_stream(first),
+        Some(Err(error)) => Body::from_stream(first.chain(stream::iter([Err(error)]))),
+        Some(Ok(_nothing)) => Body::from_stream(first.chain(pieces)),
+    };
+    Ok(Request::from_parts(head, body))
+}

@@ -1,0 +1,145 @@
+//! Places that callers share fairly.
+//!
+//! Whoever asks may hold as many places as are left free, so that there is always one for who comes next: one caller alone gets half
+//! of them, n callers who all want more get one in n + 1 each, and none has to be told of the others (dynamic thresholds with a
+//! factor of 1, `[CH98]` Choudhury, Hahne 1998, Dynamic queue length thresholds for shared-memory packet switches). Callers whom
+//! nothing tells apart share without such a bound.
+
+use std::collections::HashMap;
+use std::hash::Hash;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+/// Places that callers share, who are told apart by a key.
+#[derive(Debug)]
+pub(super) struct Shares<K>(Arc<Inner<K>>);
+
+#[derive(Debug)]
+struct Inner<K> {
+    n_places: usize,
+    taken: Mutex<Taken<K>>,
+}
+
+#[derive(Debug)]
+struct Taken<K> {
+    n_taken: usize,
+    /// Places by caller; nobody who holds none.
+    by_caller: HashMap<K, usize>,
+}
+
+/// A place, which is free again once this is dropped.
+#[derive(Debug)]
+pub(super) struct Place<K: Eq + Hash> {
+    inner: Arc<Inner<K>>,
+    caller: Option<K>,
+}
+
+/// The reason why a caller gets no place.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Full {
+    /// All places, so many, are taken.
+    All(usize),
+    /// The caller holds as many as are left for others.
+    Own(usize),
+}
+
+impl<K> Clone for Shares<K> {
+    fn clone(&self) -> Self {
+        Self(Arc::clone(&self.0))
+    }
+}
+
+impl<K: Clone + Eq + Hash> Shares<K> {
+    /// Returns so many free places.
+    pub(super) fn new(n_places: usize) -> Self {
+        let taken = Mutex::new(Taken { n_taken: 0, by_caller: HashMap::new() });
+        Self(Arc::new(Inner { n_places, taken }))
+    }
+
+    /// Takes a place for a caller; none where all are taken, or the caller holds as many as are free.
+    pub(super) fn take(&self, caller: Option<K>) -> Result<Place<K>, Full> {
+        let mut taken = self.0.lock();
+        let n_free = self.0.n_places.saturating_sub(taken.n_taken);
+        if n_free == 0 {
+            return Err(Full::All(self.0.n_places));
+        }
+        if let Some(caller) = &caller {
+            let n_own = taken.by_caller.get(caller).copied().unwrap_or(0);
+            if n_own >= n_free {
+                return Err(Full::Own(n_own));
+            }
+            taken.by_caller.insert(caller.clone(), n_own + 1);
+        }
+        taken.n_taken += 1;
+        drop(taken);
+        Ok(Place { inner: Arc::clone(&self.0), caller })
+    }
+}
+
+impl<K> Inner<K> {
+    fn lock(&self) -> MutexGuard<'_, Taken<K>> {
+        // Both counts are changed before the lock is let go, and nothing between them panics.
+        self.taken.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+impl<K: Eq + Hash> Drop for Place<K> {
+    fn drop(&mut self) {
+        let mut taken = self.inner.lock();
+        taken.n_taken -= 1;
+        let Some(caller) = &self.caller else { return };
+        let is_last = taken.by_caller.get_mut(caller).is_none_or(|n_own| {
+            *n_own -= 1;
+            *n_own == 0
+        });
+        if is_last {
+            taken.by_caller.remove(caller);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn take_all(shares: &Shares<&'static str>, caller: &'static str) -> Vec<Place<&'static str>> {
+        std::iter::from_fn(|| shares.take(Some(caller)).ok()).collect()
+    }
+
+    #[test]
+    fn one_caller_gets_half_and_others_still_find_room() {
+        let shares = Shares::new(12);
+        let first = take_all(&shares, "a");
+        assert_eq!((first.len(), shares.take(Some("a")).unwrap_err()), (6, Full::Own(6)));
+        let second = take_all(&shares, "b");
+        assert_eq!(second.len(), 3);
+        let third = take_all(&shares, "c");
+        assert_eq!(third.len(), 2, "of three that are left");
+        let fourth = take_all(&shares, "d");
+        assert_eq!(fourth.len(), 1);
+        assert_eq!(shares.take(Some("e")).unwrap_err(), Full::All(12));
+        drop(first);
+        assert_eq!(take_all(&shares, "e").len(), 3);
+    }
+
+    #[test]
+    fn places_that_are_given_back_are_free_and_nobody_is_remembered() {
+        let shares = Shares::new(4);
+        let mut held = take_all(&shares, "a");
+        assert_eq!(held.len(), 2);
+        held.pop();
+        held.push(shares.take(Some("a")).unwrap());
+        drop(held);
+        let taken = shares.0.lock();
+        assert!(taken.n_taken == 0 && taken.by_caller.is_empty(), "{taken:?}");
+    }
+
+    #[test]
+    fn callers_whom_nothing_tells_apart_may_take_all() {
+        let shares: Shares<&str> = Shares::new(3);
+        let held: Vec<_> = (0..3).map(|_| shares.take(None).unwrap()).collect();
+        assert_eq!(shares.take(None).unwrap_err(), Full::All(3));
+        assert_eq!(shares.take(Some("a")).unwrap_err(), Full::All(3));
+        drop(held);
+        assert!(shares.take(Some("a")).is_ok());
+    }
+}
