@@ -21,6 +21,9 @@ pub const ODD_PICTURES: u64 = 2 * GROUP as u64;
 /// Time between two pictures.
 const INTERVAL: Duration = Duration::from_millis(40);
 
+/// Time by which late pictures come late.
+const LATE: Duration = Duration::from_millis(300);
+
 /// Reactions of a camera to `GET_PARAMETER`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Parameter {
@@ -62,6 +65,8 @@ pub struct Oddities {
     pub garbage: Option<(usize, &'static [u8])>,
     /// Number of packets of which one lacks its last byte.
     pub cut_each: Option<usize>,
+    /// Number of pictures of which one comes late, with two packets that changed places.
+    pub late_each: Option<usize>,
     /// Ends each connection after so many pictures.
     pub ends_after: Option<usize>,
     /// Ends its lines with LF alone.
@@ -325,8 +330,20 @@ impl Player {
                 return Err(std::io::ErrorKind::ConnectionReset.into());
             }
             let picture = self.next % (2 * GROUP);
-            for (_, packet) in packets.iter().filter(|(of, _)| *of == picture) {
-                self.send(connection, packet.clone())?;
+            let mut own = packets.iter().filter(|(of, _)| *of == picture).map(|(_, packet)| packet.clone());
+            let is_late = connection.oddities.late_each.is_some_and(|each| self.next % each == each - 1);
+            if is_late {
+                std::thread::sleep(LATE);
+                let (first, second) =
+                    (own.next().unwrap(), own.next().expect("pictures have several packets"));
+                self.number += 1;
+                self.send(connection, second)?;
+                self.number -= 2;
+                self.send(connection, first)?;
+                self.number += 1;
+            }
+            for packet in own {
+                self.send(connection, packet)?;
             }
             self.next += 1;
             self.due += INTERVAL;

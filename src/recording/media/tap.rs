@@ -175,7 +175,12 @@ fn make_sink(
         let mut sample = sink.pull_sample().map_err(|_ended: glib::BoolError| gst::FlowError::Eos)?;
         let content = content_of(&sample);
         if content != Content::Picture {
-            n_damaged.fetch_add(u64::from(content == Content::Nothing), Ordering::Relaxed);
+            if content == Content::Nothing {
+                n_damaged.fetch_add(1, Ordering::Relaxed);
+                if let Some(queue) = &queue {
+                    queue.drop_elsewhere(1);
+                }
+            }
             was_lost.fetch_or(content == Content::Nothing || is_marked(&sample), Ordering::Relaxed);
             return Ok(gst::FlowSuccess::Ok);
         }

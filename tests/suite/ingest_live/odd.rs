@@ -70,6 +70,14 @@ fn damage_in_the_connection_costs_pictures_and_not_the_camera() {
 }
 
 #[test]
+fn packets_that_change_places_in_a_picture_that_comes_late_cost_nothing() {
+    let (_server, camera) = connect(Oddities { late_each: Some(25), ..Oddities::default() });
+    let status = camera.wait_frames(100);
+    let damaged = camera.kept.0.lock().unwrap().lost.iter().any(|(reason, _)| *reason == DropReason::Damaged);
+    assert!(status.retries == 0 && !damaged, "{status:?}");
+}
+
+#[test]
 fn loose_answers_are_taken() {
     stays_live(Oddities { has_bare_lines: true, ..Oddities::default() }, 20);
 }

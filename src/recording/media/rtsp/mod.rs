@@ -7,6 +7,7 @@ mod description;
 #[cfg(any(test, feature = "fuzzing"))]
 pub(super) mod fuzzing;
 mod message;
+mod order;
 mod packets;
 mod session;
 mod times;
@@ -19,11 +20,14 @@ use super::{Fault, Input};
 use gst::prelude::*;
 use gstreamer as gst;
 use gstreamer_app as gst_app;
+use order::PacketOrder;
 use session::Session;
+use std::sync::Mutex;
 use std::sync::mpsc::SyncSender;
 use times::keep_times;
 use tokio::sync::oneshot;
 use videofields_vision::config::Transport;
+use videofields_vision::lock::lock;
 
 /// Longest time for which packets wait to be put in order.
 const LATENCY_MS: u32 = 100;
@@ -52,9 +56,16 @@ impl std::fmt::Debug for Target {
 struct Sinks {
     packets: gst_app::AppSrc,
     reports: gst_app::AppSrc,
+    /// Puts packets in order where they come over TCP.
+    order: Mutex<Option<PacketOrder>>,
 }
 
 impl Sinks {
+    /// Tells how packets come, before the first of them.
+    fn expect(&self, transport: Transport) {
+        *lock(&self.order) = (transport == Transport::Tcp).then(PacketOrder::default);
+    }
+
     /// Tells the format of packets, before the first of them.
     fn begin(&self, caps: &gst::Caps) {
         self.packets.set_caps(Some(caps));
@@ -62,7 +73,17 @@ impl Sinks {
     }
 
     fn push_packet(&self, packet: Vec<u8>) {
-        push(&self.packets, packet);
+        match &mut *lock(&self.order) {
+            Some(order) => order.push(packet, |packet| push(&self.packets, packet)),
+            None => push(&self.packets, packet),
+        }
+    }
+
+    /// Hands on the packets that wait for others: no more come.
+    fn flush(&self) {
+        if let Some(order) = &mut *lock(&self.order) {
+            order.flush(|packet| push(&self.packets, packet));
+        }
     }
 
     fn push_report(&self, report: Vec<u8>) {
@@ -95,6 +116,7 @@ impl Input {
         let sinks = Sinks {
             packets: live_source(WAITING_BYTES, WAITING_PACKETS)?,
             reports: live_source(WAITING_BYTES, WAITING_PACKETS)?,
+            order: Mutex::default(),
         };
         let bin = gst::Bin::new();
         let fails = |error: &dyn std::error::Error| gstreamer_fault("build a pipeline", error);
@@ -135,6 +157,7 @@ impl Rtsp {
             Err(fault) = session.play() => Some(fault),
             _ = &mut stopped => None,
         };
+        self.sinks.flush();
         let is_open = !matches!(fault, Some(Fault::Connection(ConnectionFault::Closed)));
         if is_open {
             session.end().await;

@@ -148,6 +148,7 @@ impl<'a> Session<'a> {
             }
             expect_success(answer.status)?;
             self.take_session(&answer);
+            self.sinks.expect(way);
             let Some((packets, reports, _)) = sockets else { return Ok(Way::Tcp) };
             let ports = answer.header("transport").and_then(server_ports);
             let peer = |port: u16| {
