@@ -17,6 +17,7 @@ use axum::http::Method;
 use axum::middleware::Next;
 use axum::response::{IntoResponse, Response};
 use futures_util::{StreamExt, stream};
+use std::hash::Hash;
 use std::net::IpAddr;
 use std::time::Duration;
 use tracing::Instrument;
@@ -62,15 +63,27 @@ enum Held {
 impl Admission {
     /// Returns free places, so many for answers to known callers as `limits` say.
     pub(super) fn new(limits: &Limits) -> Self {
-        let pool =
-            |n_answers, n_bodies| Pool { answers: Shares::new(n_answers), bodies: Shares::new(n_bodies) };
-        let strangers =
-            Pool { answers: Shares::new(STRANGERS_AT_ONCE), bodies: Shares::new(STRANGERS_BODIES) };
-        Self { known: pool(limits.requests_at_once, KNOWN_BODIES), strangers }
+        Self {
+            known: Pool::new(limits.requests_at_once, KNOWN_BODIES),
+            strangers: Pool::new(STRANGERS_AT_ONCE, STRANGERS_BODIES),
+        }
     }
 }
 
-/// Somebody who asks, as far as places are shared.
+impl<K: Clone + Eq + Hash> Pool<K> {
+    fn new(n_answers: usize, n_bodies: usize) -> Self {
+        Self { answers: Shares::new(n_answers), bodies: Shares::new(n_bodies) }
+    }
+
+    fn take(&self, caller: Option<K>, purpose: Purpose) -> Result<Place<K>, Full> {
+        match purpose {
+            Purpose::Body => self.bodies.take(caller),
+            Purpose::Answer => self.answers.take(caller),
+        }
+    }
+}
+
+/// A caller, as far as places are shared.
 #[derive(Clone, Debug)]
 enum Asker {
     /// A user; none where everybody may do everything.
@@ -79,10 +92,12 @@ enum Asker {
     Stranger(Option<IpAddr>),
 }
 
-/// A kind of places.
+/// The purpose of a place.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Kind {
+enum Purpose {
+    /// A body comes.
     Body,
+    /// A request is answered.
     Answer,
 }
 
@@ -98,22 +113,21 @@ impl Asker {
         }
     }
 
-    /// Takes a place; the refusal where there is none for them.
-    fn take(&self, admission: &Admission, kind: Kind) -> Result<Held, Problem> {
-        let what = match kind {
-            Kind::Body => "requests are being received",
-            Kind::Answer => "requests are being answered",
+    /// Takes a place for them.
+    ///
+    /// # Errors
+    /// When all are taken, or they have as many as are left for others.
+    fn take(&self, admission: &Admission, purpose: Purpose) -> Result<Held, Problem> {
+        let what = match purpose {
+            Purpose::Body => "requests are being received",
+            Purpose::Answer => "requests are being answered",
         };
         let (taken, whose) = match self {
             Self::Known(user) => {
-                let Pool { answers, bodies } = &admission.known;
-                let shares = if kind == Kind::Body { bodies } else { answers };
-                (shares.take(user.clone()).map(Held::Known), "of this user")
+                (admission.known.take(user.clone(), purpose).map(Held::Known), "of this user")
             }
             Self::Stranger(address) => {
-                let Pool { answers, bodies } = &admission.strangers;
-                let shares = if kind == Kind::Body { bodies } else { answers };
-                (shares.take(*address).map(Held::Stranger), "from this address")
+                (admission.strangers.take(*address, purpose).map(Held::Stranger), "from this address")
             }
         };
         taken.map_err(|full| {
@@ -126,7 +140,7 @@ impl Asker {
     }
 }
 
-/// Gives a request a place once its body is there, and its answer a time.
+/// Gives a request a place once its body is there, and limits the time until its answer.
 pub(super) async fn admit(
     State(api): State<Api>,
     matched: Option<MatchedPath>,
@@ -137,7 +151,7 @@ pub(super) async fn admit(
     let admitted = async {
         let route = matched.as_ref().map_or("", MatchedPath::as_str);
         let request = received(&api, &asker, route, request).await?;
-        asker.take(&api.admission, Kind::Answer).map(|place| (request, place))
+        asker.take(&api.admission, Purpose::Answer).map(|place| (request, place))
     };
     match admitted.await {
         Ok((request, place)) => answered(api.limits.request_time, request, place, next).await,
@@ -181,7 +195,7 @@ async fn received(api: &Api, asker: &Asker, route: &str, request: Request) -> Re
     } else {
         (MAX_BODY_BYTES, api.limits.request_time)
     };
-    let _place = asker.take(&api.admission, Kind::Body)?;
+    let _place = asker.take(&api.admission, Purpose::Body)?;
     let (head, body) = request.into_parts();
     let mut pieces = body.into_data_stream();
     let mut first: Vec<u8> = Vec::new();

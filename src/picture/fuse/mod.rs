@@ -193,8 +193,8 @@ pub struct Entity {
 }
 
 impl Entity {
-    /// Where one of its `sources` is drawn: where the entity stands, of which that camera's view of its foot is but one; of an
-    /// entity with no other source, and of one that is seen [in parts](Self::is_seen_in_parts), that view's own.
+    /// Returns the place at which one of its `sources` is drawn: the entity's own, of which that camera's view of its foot is but one; of
+    /// an entity with no other source, and of one that is seen [in parts](Self::is_seen_in_parts), that view's.
     #[must_use]
     pub fn place_of(&self, source: &Billboard) -> DVec3 {
         let is_shared = self.sources.len() > 1 && !self.is_seen_in_parts();

@@ -5,7 +5,7 @@ use std::collections::HashMap;
 use std::net::IpAddr;
 use std::time::Duration;
 
-/// Failures of one name that cost nothing, and failures of one address with any names: those of many people may be behind it.
+/// Failures that cost nothing: of one name at an address, and of an address with any names, since many people may share it.
 const FREE: u32 = 4;
 const FREE_OF_ADDRESS: u32 = 40;
 
