@@ -60,12 +60,14 @@ impl PacketOrder {
     }
 
     fn give_in_turn(&mut self, mut take: impl FnMut(Vec<u8>)) {
-        // One that is there twice goes on twice.
-        let is_due = |(number, _): &mut (u16, Vec<u8>), next: Option<u16>| {
-            next.is_some_and(|next| number.wrapping_sub(next) == 0 || number.wrapping_sub(next) >= 0x8000)
-        };
         let mut next = self.next;
-        while let Some((number, packet)) = self.waiting.pop_front_if(|waiting| is_due(waiting, next)) {
+        while let Some((number, packet)) = self.waiting.pop_front() {
+            let ahead = number.wrapping_sub(next.unwrap_or(number));
+            // One that is there twice goes on twice.
+            if ahead != 0 && ahead < 0x8000 {
+                self.waiting.push_front((number, packet));
+                break;
+            }
             take(packet);
             next = Some(number.wrapping_add(1));
         }
