@@ -1,11 +1,11 @@
 //! The address from which a request comes, also through proxies.
 
-use axum::http::HeaderMap;
+use axum::http::{HeaderMap, HeaderValue};
 use std::net::{IpAddr, Ipv6Addr};
 use videofields_vision::config::Network;
 
-/// Bits of an IPv6 address that tell networks apart: whoever has an address has all of its last 64 bits.
-const V6_NETWORK_BITS: u32 = 64;
+/// Bits of an IPv6 address that tell customers apart: providers give each a block of 56 bits or a larger one.
+const V6_NETWORK_BITS: u32 = 56;
 
 /// Most proxies that a request is followed through.
 const MAX_HOPS: usize = 16;
@@ -32,23 +32,33 @@ pub(super) fn of(peer: Option<IpAddr>, headers: &HeaderMap, trusted: &[Network])
     Some(last)
 }
 
-/// Returns the addresses through which a request went as proxies noted them, the farthest first; none for each that cannot be read.
-/// `X-Forwarded-For` comes before `Forwarded` (RFC 7239), of which most proxies know nothing.
+/// Returns the addresses through which a request went as proxies noted them in `X-Forwarded-For` or `Forwarded` (RFC 7239), the farthest
+/// first; none for each that cannot be read, and no hops where both fields are there and disagree.
 fn hops(headers: &HeaderMap) -> Vec<Option<IpAddr>> {
-    let parts = |name: &str| -> Vec<String> {
-        let lines = headers.get_all(name).iter().filter_map(|value| value.to_str().ok());
-        lines.flat_map(|line| line.split(',').map(|part| part.trim().to_owned())).collect()
+    let read = |name: &str, read: &dyn Fn(&str) -> Option<IpAddr>| -> Vec<Option<IpAddr>> {
+        // Proxies append to what a client wrote, whatever that is: a part that is no text is a hop that cannot be read.
+        let lines = headers.get_all(name).iter().map(HeaderValue::as_bytes);
+        let parts = lines.flat_map(|line| line.split(|byte| *byte == b','));
+        parts.map(|part| read(std::str::from_utf8(part).ok()?.trim())).collect()
     };
-    let usual = parts("x-forwarded-for");
-    if !usual.is_empty() {
-        return usual.iter().map(|text| address(text)).collect();
-    }
-    let noted = |element: &String| {
+    let usual = read("x-forwarded-for", &address);
+    let noted = read("forwarded", &|element| {
         let pairs = element.split(';').filter_map(|pair| pair.trim().split_once('='));
         let mut of = pairs.filter(|(name, _)| name.eq_ignore_ascii_case("for"));
         of.next().and_then(|(_, value)| address(value.trim_matches('"')))
-    };
-    parts("forwarded").iter().map(noted).collect()
+    });
+    match (usual.is_empty(), noted.is_empty()) {
+        (false, true) => usual,
+        (true, _) => noted,
+        // A proxy writes one of them, and a client may have written the other.
+        (false, false) => {
+            if usual.last() == noted.last() {
+                usual
+            } else {
+                Vec::new()
+            }
+        }
+    }
 }
 
 /// Reads an address with or without a port, IPv6 in brackets or not.
@@ -57,6 +67,17 @@ fn address(text: &str) -> Option<IpAddr> {
     let without_port = || text.rsplit_once(':').filter(|(host, _)| !host.contains(':')).map(|(host, _)| host);
     let text = bare.or_else(without_port).unwrap_or(text);
     text.parse().ok().map(|address: IpAddr| address.to_canonical())
+}
+
+/// Returns the address by which somebody's log-ins are counted: as [`of`], but none where proxies that are not trusted may stand before
+/// many people.
+pub(super) fn of_log_in(peer: Option<IpAddr>, headers: &HeaderMap, trusted: &[Network]) -> Option<IpAddr> {
+    let is_trusted = |address: IpAddr| trusted.iter().any(|network| network.contains(address));
+    let is_of_proxy = headers.contains_key("x-forwarded-for") || headers.contains_key("forwarded");
+    if is_of_proxy && !peer.is_some_and(is_trusted) {
+        return None;
+    }
+    of(peer, headers, trusted).map(network_of)
 }
 
 /// Returns what stands for all addresses that one caller has.
@@ -98,6 +119,16 @@ mod tests {
             "all of them are proxies"
         );
         assert_eq!(found("10.0.0.1", &[], &["10.0.0.0/8"]).unwrap(), "10.0.0.1");
+        // What a client wrote before the proxy's own part, and in the other field.
+        let both = [("x-forwarded-for", "9.9.9.9"), ("forwarded", "for=1.1.1.1")];
+        assert_eq!(found("10.0.0.1", &both, &["10.0.0.0/8"]).unwrap(), "10.0.0.1", "they disagree");
+        let mut odd = HeaderMap::new();
+        odd.append("x-forwarded-for", HeaderValue::from_bytes(b"\xff, 6.6.6.6").unwrap());
+        odd.append("forwarded", HeaderValue::from_static("for=1.1.1.1"));
+        let trusted = ["10.0.0.1".parse().unwrap()];
+        assert_eq!(of(Some([10, 0, 0, 1].into()), &odd, &trusted), Some([10, 0, 0, 1].into()));
+        odd.remove("forwarded");
+        assert_eq!(of(Some([10, 0, 0, 1].into()), &odd, &trusted), Some([6, 6, 6, 6].into()));
         let forged = [("x-forwarded-for", "1.2.3.4, what, 10.0.0.9")];
         assert_eq!(found("10.0.0.1", &forged, &["10.0.0.0/8"]).unwrap(), "10.0.0.9");
     }
@@ -109,6 +140,16 @@ mod tests {
         assert_eq!(found("127.0.0.1", &[], &[]).unwrap(), "127.0.0.1");
         assert_eq!(found("::1", &forwarded, &["::1"]).unwrap(), "1.2.3.4");
         assert_eq!(of(None, &HeaderMap::new(), &[]), None);
+    }
+
+    #[test]
+    fn log_ins_through_unknown_proxies_have_no_address() {
+        let forwarded =
+            HeaderMap::from_iter([("x-forwarded-for".parse().unwrap(), HeaderValue::from_static("1.2.3.4"))]);
+        let (peer, trusted) = ([10, 0, 0, 1].into(), ["10.0.0.1".parse().unwrap()]);
+        assert_eq!(of_log_in(Some(peer), &forwarded, &[]), None);
+        assert_eq!(of_log_in(Some(peer), &forwarded, &trusted), Some([1, 2, 3, 4].into()));
+        assert_eq!(of_log_in(Some(peer), &HeaderMap::new(), &[]), Some(peer));
     }
 
     #[test]
@@ -134,7 +175,7 @@ mod tests {
     #[test]
     fn all_addresses_of_one_ipv6_network_are_one_caller() {
         let network = |text: &str| network_of(text.parse().unwrap()).to_string();
-        assert_eq!(network("2001:db8:1:2:3:4:5:6"), "2001:db8:1:2::");
+        assert_eq!(network("2001:db8:1:203:3:4:5:6"), "2001:db8:1:200::");
         assert_eq!(network("::ffff:1.2.3.4"), "1.2.3.4");
     }
 }

@@ -30,6 +30,10 @@ const STRANGERS_AT_ONCE: usize = 32;
 const STRANGERS_BODIES: usize = 32;
 const KNOWN_BODIES: usize = 64;
 
+/// Places that one user, and one stranger's address, may hold for each that is free: all screens of a wall may be one user.
+const KNOWN_GREED: usize = 3;
+const STRANGERS_GREED: usize = 1;
+
 /// Most bytes of a stranger's body: a name and a password.
 const STRANGERS_BYTES: usize = 8 << 10;
 
@@ -64,15 +68,15 @@ impl Admission {
     /// Returns free places, so many for answers to known callers as `limits` say.
     pub(super) fn new(limits: &Limits) -> Self {
         Self {
-            known: Pool::new(limits.requests_at_once, KNOWN_BODIES),
-            strangers: Pool::new(STRANGERS_AT_ONCE, STRANGERS_BODIES),
+            known: Pool::new(limits.requests_at_once, KNOWN_BODIES, KNOWN_GREED),
+            strangers: Pool::new(STRANGERS_AT_ONCE, STRANGERS_BODIES, STRANGERS_GREED),
         }
     }
 }
 
 impl<K: Clone + Eq + Hash> Pool<K> {
-    fn new(n_answers: usize, n_bodies: usize) -> Self {
-        Self { answers: Shares::new(n_answers), bodies: Shares::new(n_bodies) }
+    fn new(n_answers: usize, n_bodies: usize, greed: usize) -> Self {
+        Self { answers: Shares::new(n_answers, greed), bodies: Shares::new(n_bodies, greed) }
     }
 
     fn take(&self, caller: Option<K>, purpose: Purpose) -> Result<Place<K>, Full> {
@@ -133,7 +137,7 @@ impl Asker {
         taken.map_err(|full| {
             let detail = match full {
                 Full::All(n_all) => format!("{n_all} {what} already"),
-                Full::Own(n_own) => format!("{n_own} {what} already {whose}, as many as are left for others"),
+                Full::Own(n_own) => format!("{n_own} {what} already {whose}, which is their share"),
             };
             Problem::new(ErrorKind::Unavailable, detail)
         })

@@ -94,6 +94,7 @@ pub(super) async fn note(
 ) -> Response {
     let Some(audit) = api.audit.clone() else { return next.run(request).await };
     let method = request.method().clone();
+    let method_name = known_name(&method);
     let uri = request.uri().clone();
     let identity = request.extensions().get::<Identity>();
     let is_unknown = identity.is_none_or(Identity::is_stranger);
@@ -118,7 +119,7 @@ pub(super) async fn note(
         is_seen && audit.is_new(user.as_deref(), &what, api.clock.monotonic())
     } else if is_stranger || status == StatusCode::UNAUTHORIZED {
         // A stranger may try without end, under any name: once a route, or the log would be theirs to fill.
-        audit.is_new(None, &format!("{method} {route}"), api.clock.monotonic())
+        audit.is_new(None, &format!("{method_name} {route}"), api.clock.monotonic())
     } else {
         matched.is_some() && !is_try(&uri, status)
     };
@@ -132,7 +133,7 @@ pub(super) async fn note(
     let entry = AuditEntry {
         at: api.clock.now(),
         user,
-        action: format!("{method} {route}"),
+        action: format!("{method_name} {route}"),
         target,
         status: status.as_u16(),
     };
@@ -140,6 +141,22 @@ pub(super) async fn note(
         tracing::error!(%error, ?entry, "what was done could not be noted in the audit log");
     }
     response
+}
+
+/// Returns the name of a method, and one name for all that nobody knows: clients can write any.
+fn known_name(method: &Method) -> &str {
+    let known = [
+        Method::GET,
+        Method::HEAD,
+        Method::POST,
+        Method::PUT,
+        Method::PATCH,
+        Method::DELETE,
+        Method::OPTIONS,
+        Method::CONNECT,
+        Method::TRACE,
+    ];
+    if known.contains(method) { method.as_str() } else { "unknown" }
 }
 
 /// Whether a request by somebody who may ask it said that nothing is to be kept; routes that do not know the word refuse it.

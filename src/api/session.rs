@@ -82,7 +82,8 @@ pub(super) async fn log_in(
     let from = address::of(api.connection.peer(), &headers, &api.site.trusted_proxies);
     let (identity, cookie) = match read_members(&body)? {
         Credentials { user: Some(user), password: Some(password), token: None } => {
-            let attempt = Attempt { name: &user, address: from.map(address::network_of) };
+            let address = address::of_log_in(api.connection.peer(), &headers, &api.site.trusted_proxies);
+            let attempt = Attempt { name: &user, address };
             let logged = api.accounts()?.log_in(attempt, &password).await.inspect_err(|error| {
                 if let Some(n_left_out) = api.stranger_lines.spend(api.clock.monotonic()) {
                     tracing::warn!(user = ?shortened(&user), ?from, %error, n_left_out, "a log-in failed");

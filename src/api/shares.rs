@@ -1,9 +1,9 @@
 //! Places that callers share fairly.
 //!
-//! Whoever asks may hold as many places as are left free, so that there is always one for who comes next: one caller alone gets half
-//! of them, n callers who all want more get one in n + 1 each, and none has to be told of the others (dynamic thresholds with a
-//! factor of 1, `[CH98]` Choudhury, Hahne 1998, Dynamic queue length thresholds for shared-memory packet switches). Callers whom
-//! nothing tells apart share without such a bound.
+//! Whoever asks may hold so many times as many places as are left free: one caller alone never gets all of them, and who comes next
+//! finds some, without anybody being told of the others (dynamic thresholds, `[CH98]` Choudhury, Hahne 1998, Dynamic queue length
+//! thresholds for shared-memory packet switches). Many callers together can still take all. Callers whom nothing tells apart share
+//! without such a bound.
 
 use std::collections::HashMap;
 use std::hash::Hash;
@@ -16,6 +16,8 @@ pub(super) struct Shares<K>(Arc<Inner<K>>);
 #[derive(Debug)]
 struct Inner<K> {
     n_places: usize,
+    /// Places that one caller may hold for each that is free.
+    greed: usize,
     taken: Mutex<Taken<K>>,
 }
 
@@ -38,7 +40,7 @@ pub(super) struct Place<K: Eq + Hash> {
 pub(super) enum Full {
     /// All places, so many, are taken.
     All(usize),
-    /// The caller holds as many as are left for others.
+    /// The caller holds so many, which is its share.
     Own(usize),
 }
 
@@ -49,13 +51,13 @@ impl<K> Clone for Shares<K> {
 }
 
 impl<K: Clone + Eq + Hash> Shares<K> {
-    /// Returns so many free places.
-    pub(super) fn new(n_places: usize) -> Self {
+    /// Returns so many free places, of which one caller may hold up to `greed` for each that is free.
+    pub(super) fn new(n_places: usize, greed: usize) -> Self {
         let taken = Mutex::new(Taken { n_taken: 0, by_caller: HashMap::new() });
-        Self(Arc::new(Inner { n_places, taken }))
+        Self(Arc::new(Inner { n_places, greed, taken }))
     }
 
-    /// Takes a place for a caller; none where all are taken, or the caller holds as many as are free.
+    /// Takes a place for a caller; none where all are taken, or the caller holds its share.
     pub(super) fn take(&self, caller: Option<K>) -> Result<Place<K>, Full> {
         let mut taken = self.0.lock();
         let n_free = self.0.n_places.saturating_sub(taken.n_taken);
@@ -64,7 +66,7 @@ impl<K: Clone + Eq + Hash> Shares<K> {
         }
         if let Some(caller) = &caller {
             let n_own = taken.by_caller.get(caller).copied().unwrap_or(0);
-            if n_own >= n_free {
+            if n_own >= self.0.greed * n_free {
                 return Err(Full::Own(n_own));
             }
             taken.by_caller.insert(caller.clone(), n_own + 1);
@@ -107,7 +109,7 @@ mod tests {
 
     #[test]
     fn one_caller_gets_half_and_others_still_find_room() {
-        let shares = Shares::new(12);
+        let shares = Shares::new(12, 1);
         let first = take_all(&shares, "a");
         assert_eq!((first.len(), shares.take(Some("a")).unwrap_err()), (6, Full::Own(6)));
         let second = take_all(&shares, "b");
@@ -122,8 +124,17 @@ mod tests {
     }
 
     #[test]
+    fn a_greedier_share_leaves_less() {
+        let shares = Shares::new(12, 3);
+        let first = take_all(&shares, "a");
+        assert_eq!(first.len(), 9);
+        assert_eq!(take_all(&shares, "b").len(), 3, "of three, and given back at once");
+        drop(first);
+    }
+
+    #[test]
     fn places_that_are_given_back_are_free_and_nobody_is_remembered() {
-        let shares = Shares::new(4);
+        let shares = Shares::new(4, 1);
         let mut held = take_all(&shares, "a");
         assert_eq!(held.len(), 2);
         held.pop();
@@ -135,7 +146,7 @@ mod tests {
 
     #[test]
     fn callers_whom_nothing_tells_apart_may_take_all() {
-        let shares: Shares<&str> = Shares::new(3);
+        let shares: Shares<&str> = Shares::new(3, 1);
         let held: Vec<_> = (0..3).map(|_| shares.take(None).unwrap()).collect();
         assert_eq!(shares.take(None).unwrap_err(), Full::All(3));
         assert_eq!(shares.take(Some("a")).unwrap_err(), Full::All(3));

@@ -255,7 +255,7 @@ pub(super) fn read_members<T: DeserializeOwned>(body: &[u8]) -> Result<T, Proble
 pub(super) fn refuse_foreign(site: &Site, headers: &HeaderMap) -> Result<(), Problem> {
     let is_foreign = match headers.get(FETCH_SITE) {
         Some(from) => from != "same-origin" && from != "none",
-        // Browsers of before 2023, and others that send the older field alone.
+        // Browsers do not send it to addresses that are neither encrypted nor this machine's.
         None => !is_own_origin(site, headers),
     };
     if is_foreign {
@@ -273,10 +273,15 @@ pub(super) fn is_own_origin(site: &Site, headers: &HeaderMap) -> bool {
     else {
         return false;
     };
+    // A proxy may have put another host into the request, but leaves the page's origin.
+    let is_own = |of: &str| {
+        let name = of.rsplit_once(':').map_or(of, |(name, _port)| name);
+        of.eq_ignore_ascii_case(host) || site.hosts.iter().any(|known| known.eq_ignore_ascii_case(name))
+    };
     match origin.split_once("://") {
-        Some(("https", of)) => of.eq_ignore_ascii_case(host),
+        Some(("https", of)) => is_own(of),
         // What encrypts before the daemon is not known to it.
-        Some(("http", of)) => !site.is_encrypted && of.eq_ignore_ascii_case(host),
+        Some(("http", of)) => !site.is_encrypted && is_own(of),
         _ => false,
     }
 }
@@ -288,7 +293,7 @@ mod tests {
     #[test]
     fn pages_of_other_sites_are_told_by_their_origin() {
         let check = |is_encrypted: bool, origin: Option<&'static str>, expected: bool| {
-            let site = Site { is_encrypted, ..Site::default() };
+            let site = Site { is_encrypted, hosts: vec!["proxy.example".to_owned()], ..Site::default() };
             let mut headers = HeaderMap::new();
             headers.insert(header::HOST, HeaderValue::from_static("wall.example:8443"));
             if let Some(origin) = origin {
@@ -301,6 +306,10 @@ mod tests {
         check(true, Some("https://WALL.example:8443"), true);
         check(true, Some("http://wall.example:8443"), false);
         check(false, Some("http://wall.example:8443"), true);
+        check(false, Some("http://proxy.example"), true);
+        check(true, Some("https://Proxy.example:444"), true);
+        check(true, Some("http://proxy.example"), false);
+        check(false, Some("http://proxy.example.evil.example"), false);
         for other in [
             "https://wall.example",
             "https://evil.example",

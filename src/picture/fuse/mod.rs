@@ -206,12 +206,26 @@ impl Entity {
     #[must_use]
     pub fn is_seen_in_parts(&self) -> bool {
         let widest_m = self.sources.iter().map(Billboard::width_m).fold(0.0, f64::max);
-        let first = self.sources.first().map(|source| source.foot_in_world);
-        let lies_apart =
-            |source: &Billboard| first.is_some_and(|first| (source.foot_in_world - first).length() > APART_M);
         widest_m >= BROAD_M
             && self.sources.iter().all(|source| source.is_truncated)
-            && self.sources.iter().any(lies_apart)
+            && self.parts().nth(1).is_some()
+    }
+
+    /// Returns the `sources` that show a part that none before them shows: those that lie apart from them, are not hidden, and no scraps.
+    pub fn parts(&self) -> impl Iterator<Item = usize> {
+        let is_any_told = self.sources.iter().any(|source| source.owner != OwnerMap::NOBODY);
+        let is_part = move |idx: usize| {
+            let source = &self.sources[idx];
+            source.shown_share > 0.0 && !(is_any_told && source.owner == OwnerMap::NOBODY)
+        };
+        let lies_apart = move |idx: usize, from: usize| {
+            let [a, b] = [idx, from].map(|idx| self.sources[idx].foot_in_world);
+            (a - b).length() > APART_M
+        };
+        let is_new = move |idx: &usize| {
+            is_part(*idx) && (0..*idx).all(|from| !is_part(from) || lies_apart(*idx, from))
+        };
+        (0..self.sources.len()).filter(is_new)
     }
 }
 

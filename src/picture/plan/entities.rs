@@ -217,7 +217,7 @@ fn billboards(state: &SceneState, picture: &Picture, most_sources: u32) -> Vec<(
     let mut seen = Vec::with_capacity(state.entities.len());
     for (entity, candidate) in state.entities.iter().enumerate() {
         if candidate.is_seen_in_parts() {
-            seen.extend((0..candidate.sources.len()).filter_map(|source| part((entity, source))));
+            seen.extend(candidate.parts().filter_map(|source| part((entity, source))));
         } else {
             seen.extend(whole((entity, candidate)));
         }
@@ -269,6 +269,13 @@ mod tests {
             seen.iter().map(placed).collect()
         };
         assert_eq!(drawn(&state), [(0, DVec3::new(-1.5, 0.0, 0.0)), (1, DVec3::new(1.5, 0.0, 0.0))]);
+        // What shows the same part as another, or nothing of it, is not drawn beside it.
+        let (mut twice, mut hidden) = (state.clone(), state.clone());
+        let again = Billboard { camera_idx: 2, ..twice.entities[0].sources[0].clone() };
+        twice.entities[0].sources.push(again);
+        assert_eq!(drawn(&twice).len(), 2);
+        hidden.entities[0].sources[1].shown_share = 0.0;
+        assert_eq!(drawn(&hidden), [(0, hidden.entities[0].foot_in_world)]);
         // One that shows it whole shows it alone, where it stands; so do parts of somebody who is cut.
         let (mut whole, mut slender) = (state.clone(), state.clone());
         whole.entities[0].sources[1].is_truncated = false;

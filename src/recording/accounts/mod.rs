@@ -182,7 +182,7 @@ impl Accounts {
             return Err(AccountError::Throttled { wait });
         }
         // Counted before it is tried, so that many tries at once gain nothing.
-        self.throttle().failed(attempt, now);
+        let before = self.throttle().failed(attempt, now);
         let kept = self.read().users.get(id).and_then(|user| user.record.password.clone());
         let (given, tried) = (password.to_owned(), kept.clone());
         let is_right = self.hashed(move || secret::is_password(&given, tried.as_deref())).await?;
@@ -192,7 +192,7 @@ impl Accounts {
         let user = book.users.get(id).filter(|user| is_right && user.record.password == kept);
         let caller =
             user.map(|user| user.caller(Some(csrf_token.clone()))).ok_or(AccountError::WrongPassword)?;
-        self.throttle().succeeded(attempt);
+        self.throttle().succeeded(attempt, before);
         book.sessions.retain(|_, session| session.until > now);
         if book.sessions.len() >= MAX_SESSIONS {
             return Err(AccountError::TooMany { what: "sessions", most: MAX_SESSIONS });

@@ -63,7 +63,7 @@ impl Pairing {
         given_nanos: i64,
     ) {
         if let Some(number) = frame_number {
-            self.numbered.push(NumberedPicture { number, stream_nanos, given_nanos });
+            self.numbered.push(NumberedPicture { number, stream_nanos, given_nanos, has_other_time: false });
         }
         let Some(stream_nanos) = stream_nanos else { return };
         if self.times.newest().is_some_and(|newest| stream_nanos <= newest) {
@@ -123,7 +123,7 @@ impl Pairing {
         let next = self.last.map_or(0, |(last, interval)| last.saturating_add(interval));
         let times = if n_setbacks < self.n_setbacks { &self.times_before } else { &self.times };
         let by_number = self.numbered.time_given(&frame);
-        let own_nanos = frame.stream_nanos.filter(|_| !self.numbered.has_other_times);
+        let own_nanos = frame.stream_nanos.filter(|_| !self.numbered.has_other_times());
         let by_time = |nanos| {
             let is_doubtful = is_leap || n_setbacks > self.n_setbacks;
             let beside = || if is_doubtful { next } else { times.at(nanos).unwrap_or(nanos) };
@@ -145,9 +145,6 @@ impl Pairing {
 #[derive(Debug, Default)]
 struct NumberedPictures {
     newest: VecDeque<NumberedPicture>,
-    /// True once a picture had another time than its frame, or none after that of the picture before: the stream's times do not tell in
-    /// which order its pictures are seen.
-    has_other_times: bool,
 }
 
 #[derive(Clone, Copy, Debug)]
@@ -155,12 +152,19 @@ struct NumberedPicture {
     number: u64,
     stream_nanos: Option<i64>,
     given_nanos: i64,
+    /// True where its frame had another time, or the picture before had none before it.
+    has_other_time: bool,
 }
 
 impl NumberedPictures {
-    fn push(&mut self, picture: NumberedPicture) {
+    /// Returns true where the times of the stream do not tell in which order its pictures are seen.
+    fn has_other_times(&self) -> bool {
+        self.newest.iter().any(|picture| picture.has_other_time)
+    }
+
+    fn push(&mut self, mut picture: NumberedPicture) {
         let is_later = |before: &NumberedPicture| picture.stream_nanos > before.stream_nanos;
-        self.has_other_times |= !self.newest.back().is_none_or(is_later);
+        picture.has_other_time = !self.newest.back().is_none_or(is_later);
         if self.newest.len() == MAX_MOMENTS {
             self.newest.pop_front();
         }
@@ -178,8 +182,8 @@ impl NumberedPictures {
     /// Returns the time that was given to a frame's own picture, where that has come.
     fn time_given(&mut self, frame: &EncodedFrame) -> Option<i64> {
         let number = frame.number?;
-        let picture = self.newest.iter().find(|picture| picture.number == number)?;
-        self.has_other_times |= picture.stream_nanos != frame.stream_nanos;
+        let picture = self.newest.iter_mut().find(|picture| picture.number == number)?;
+        picture.has_other_time |= picture.stream_nanos != frame.stream_nanos;
         Some(picture.given_nanos)
     }
 }

@@ -10,7 +10,7 @@ use videofields_service::engine::{
 };
 use videofields_vision::access::{Right, Role};
 use videofields_vision::clock::Timestamp;
-use videofields_vision::config::{End, EntitySettings, Settings};
+use videofields_vision::config::{End, EntitySettings, Pace, Settings};
 use videofields_vision::frame::Zone;
 
 /// Frames a second.
@@ -29,7 +29,11 @@ fn start(folder: &Path, rate_hz: f64) -> Bench {
         false => pictures_of(folder, &WALKS, (12, 16)),
     };
     let mut camera = vec![camera("north", &path, End::Stop), camera("south", &path, End::Stop)];
-    camera.iter_mut().for_each(|camera| camera.source.rate_hz = RATE_HZ);
+    for camera in &mut camera {
+        camera.source.rate_hz = RATE_HZ;
+        // People are placed as time passes.
+        camera.source.pace = Pace::RealTime;
+    }
     let entities = EntitySettings { rate_hz };
     Bench::start(folder, Settings { camera, entities, ..Settings::default() }, &[("yard", SCENE)])
 }

@@ -24,6 +24,7 @@ use order::PacketOrder;
 use session::Session;
 use std::sync::Mutex;
 use std::sync::mpsc::SyncSender;
+use std::time::Duration;
 use times::keep_times;
 use tokio::sync::oneshot;
 use videofields_vision::config::Transport;
@@ -31,6 +32,9 @@ use videofields_vision::lock::lock;
 
 /// Longest time for which packets wait to be put in order.
 const LATENCY_MS: u32 = 100;
+
+/// Longest silence for which packets wait for one before them.
+const ORDER_TIME: Duration = Duration::from_millis(100);
 
 /// Most bytes of packets on their way to be put in order.
 const WAITING_BYTES: u64 = 4 << 20;
@@ -79,7 +83,12 @@ impl Sinks {
         }
     }
 
-    /// Hands on the packets that wait for others: no more come.
+    /// Returns true where packets wait for one before them.
+    fn has_waiting(&self) -> bool {
+        lock(&self.order).as_ref().is_some_and(PacketOrder::has_waiting)
+    }
+
+    /// Hands on the packets that wait for one before them.
     fn flush(&self) {
         if let Some(order) = &mut *lock(&self.order) {
             order.flush(|packet| push(&self.packets, packet));

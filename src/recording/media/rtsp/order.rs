@@ -11,6 +11,9 @@ const MAX_WAITING: usize = 8;
 /// Farthest that a packet is ahead of the next one; those farther ahead follow a gap, or the camera counts anew.
 const MAX_AHEAD: u16 = 16;
 
+/// Farthest that a packet is behind the next one; those farther behind are of a camera that counts anew.
+const MOST_BEHIND: u16 = 256;
+
 /// Packets of one stream on their way into order.
 #[derive(Debug, Default)]
 pub(super) struct PacketOrder {
@@ -42,7 +45,7 @@ impl PacketOrder {
                 }
             }
             // Behind its turn.
-            0x8000.. => take(packet),
+            ahead if ahead >= MOST_BEHIND.wrapping_neg() => take(packet),
             _ => {
                 self.flush(&mut take);
                 take(packet);
@@ -57,6 +60,11 @@ impl PacketOrder {
             take(packet);
             self.next = Some(number.wrapping_add(1));
         }
+    }
+
+    /// Returns true where packets wait for one before them.
+    pub(super) fn has_waiting(&self) -> bool {
+        !self.waiting.is_empty()
     }
 
     fn give_in_turn(&mut self, mut take: impl FnMut(Vec<u8>)) {
@@ -124,6 +132,7 @@ mod tests {
         assert_eq!(ordered(&[7, 9, 40, 41]), (vec![7, 9, 40, 41], vec![1, 1, 3, 4]));
         assert_eq!(ordered(&[7, 8, 3, 4, 9]), (vec![7, 8, 3, 4, 9], vec![1, 2, 3, 4, 5]), "late, or again");
         assert_eq!(ordered(&[40_000, 5, 6]).0, [40_000, 5, 6]);
+        assert_eq!(ordered(&[30_000, 30_002, 100, 102, 101, 103]).0, [30_000, 30_002, 100, 101, 102, 103]);
         assert_eq!(ordered(&[7, 9, 9, 8, 10]).0, [7, 8, 9, 9, 10], "twice there");
     }
 

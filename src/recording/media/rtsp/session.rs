@@ -6,7 +6,7 @@
 use super::description::{Stream, base, first_video};
 use super::message::{Piece, Reader, Response, Unreadable};
 use super::packets::{Kind, sign_of_life, unify};
-use super::{Sinks, Target};
+use super::{ORDER_TIME, Sinks, Target};
 use crate::media::client::{ANSWER_TIME, Bytes, USER_AGENT, connect, expect_success};
 use crate::media::fault::{ConnectionFault, Fault};
 use crate::media::login::Answering;
@@ -16,7 +16,7 @@ use std::sync::{Mutex, PoisonError};
 use std::time::Duration;
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::UdpSocket;
-use tokio::time::{Instant, sleep_until, timeout};
+use tokio::time::{Instant, sleep, sleep_until, timeout};
 use videofields_vision::config::Transport;
 
 /// Time for a camera to answer that it ends a session.
@@ -242,6 +242,7 @@ impl<'a> Session<'a> {
                 }
                 packet = receive(first, packet_bytes), if first.is_some() => self.take_datagram(packet_bytes, packet),
                 report = receive(second, report_bytes), if second.is_some() => self.take_datagram(report_bytes, report),
+                () = sleep(ORDER_TIME), if self.sinks.has_waiting() => self.sinks.flush(),
                 () = sleep_until(alive_at) => {
                     alive_at = Instant::now() + alive_time;
                     let method = if has_parameter { "GET_PARAMETER" } else { "OPTIONS" };
