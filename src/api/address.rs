@@ -119,7 +119,7 @@ mod tests {
             "all of them are proxies"
         );
         assert_eq!(found("10.0.0.1", &[], &["10.0.0.0/8"]).unwrap(), "10.0.0.1");
-        // What a client wrote before the proxy's own part, and in the other field.
+        // A client wrote the other field.
         let both = [("x-forwarded-for", "9.9.9.9"), ("forwarded", "for=1.1.1.1")];
         assert_eq!(found("10.0.0.1", &both, &["10.0.0.0/8"]).unwrap(), "10.0.0.1", "they disagree");
         let mut odd = HeaderMap::new();

@@ -1,5 +1,5 @@
-//! What stands before every route: limits on the request; and what is done to every answer: problem documents written down,
-//! security header fields set, the answer counted.
+//! Checks every request's limits before any route sees it, and completes every answer: writes problem documents down, sets security
+//! header fields, counts it.
 
 use super::error::Problem;
 use super::{Api, Site};

@@ -10,7 +10,7 @@ const WINDOW: Duration = Duration::from_secs(60);
 /// Most characters of what a stranger says that the log shows.
 const MAX_CHARS: usize = 64;
 
-/// What may still be written.
+/// Counts the lines that were written within the window.
 #[derive(Debug, Default)]
 pub(super) struct LogBudget(Mutex<Spent>);
 

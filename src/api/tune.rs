@@ -280,7 +280,7 @@ pub(super) fn is_own_origin(site: &Site, headers: &HeaderMap) -> bool {
     };
     match origin.split_once("://") {
         Some(("https", of)) => is_own(of),
-        // What encrypts before the daemon is not known to it.
+        // The daemon does not know of a proxy that encrypts before it.
         Some(("http", of)) => !site.is_encrypted && is_own(of),
         _ => false,
     }

@@ -185,7 +185,8 @@ fn largest(mut seen: Vec<(f64, PlannedBillboard)>, most: usize) -> Vec<(f64, Pla
     seen
 }
 
-/// What is in view, with about how many pixels it covers: an entity that is seen in parts once for each of them.
+/// Returns the billboards that are in view, each with about how many pixels it covers; one for each part of an entity that is seen in
+/// parts.
 fn billboards(state: &SceneState, picture: &Picture, most_sources: u32) -> Vec<(f64, PlannedBillboard)> {
     let is_in_view = |entity: &Entity, billboard: &Billboard| {
         let [left, right] = billboard.left_right_m;
@@ -269,7 +270,7 @@ mod tests {
             seen.iter().map(placed).collect()
         };
         assert_eq!(drawn(&state), [(0, DVec3::new(-1.5, 0.0, 0.0)), (1, DVec3::new(1.5, 0.0, 0.0))]);
-        // What shows the same part as another, or nothing of it, is not drawn beside it.
+        // A source that shows the same part as another, or nothing of it, is not drawn beside it.
         let (mut twice, mut hidden) = (state.clone(), state.clone());
         let again = Billboard { camera_idx: 2, ..twice.entities[0].sources[0].clone() };
         twice.entities[0].sources.push(again);

@@ -153,7 +153,7 @@ mod tests {
         }
         assert_eq!(throttle.wait(attempt("next", 6), secs(0)), Some(secs(1)));
         assert_eq!(throttle.wait(attempt("next", 7), secs(0)), None);
-        // Who knows their password makes nobody wait longer.
+        // A right password makes nobody wait longer.
         let now = secs(1);
         let before = throttle.failed(attempt("next", 6), now);
         throttle.succeeded(attempt("next", 6), before);

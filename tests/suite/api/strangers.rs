@@ -99,7 +99,7 @@ async fn what_strangers_send_is_bounded_before_it_is_looked_at() {
         read.unwrap();
         assert_eq!(&answer[9..12], b"413", "{n_bytes}");
     }
-    // What a route takes of nobody is not read.
+    // A body that the route takes of no stranger is not read.
     let mut stream = connect(&served, 6).await;
     let head = "PUT /api/v1/scenes/x HTTP/1.1\r\nhost: localhost\r\ncontent-length: 900000\r\n\r\n";
     assert_eq!(status(&mut stream, head).await, 401);
@@ -207,7 +207,7 @@ async fn changes_that_pages_of_other_sites_ask_for_are_refused_also_by_old_brows
         asked(&[host, ("origin", "https://evil.example"), ("sec-fetch-site", "cross-site")]).await,
         400
     );
-    // What a browser of today says counts: a proxy may have changed the host.
+    // The field of today's browsers counts first: a proxy may have changed the host.
     assert_eq!(
         asked(&[host, ("origin", "https://wall.example"), ("sec-fetch-site", "same-origin")]).await,
         200
