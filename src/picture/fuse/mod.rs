@@ -211,12 +211,16 @@ impl Entity {
             && self.parts().nth(1).is_some()
     }
 
+    /// Returns true for what is left of a camera's blob beside what several cameras tell to be the entity's.
+    pub(crate) fn is_scrap(&self, source: &Billboard) -> bool {
+        source.owner == OwnerMap::NOBODY && self.sources.iter().any(|other| other.owner != OwnerMap::NOBODY)
+    }
+
     /// Returns the `sources` that show a part that none before them shows: those that lie apart from them, are not hidden, and no scraps.
     pub fn parts(&self) -> impl Iterator<Item = usize> {
-        let is_any_told = self.sources.iter().any(|source| source.owner != OwnerMap::NOBODY);
         let is_part = move |idx: usize| {
             let source = &self.sources[idx];
-            source.shown_share > 0.0 && !(is_any_told && source.owner == OwnerMap::NOBODY)
+            source.shown_share > 0.0 && !self.is_scrap(source)
         };
         let lies_apart = move |idx: usize, from: usize| {
             let [a, b] = [idx, from].map(|idx| self.sources[idx].foot_in_world);

@@ -5,7 +5,7 @@
 //! `[BBM01]` Buehler, Bosse, Gortler et al. 2001, Unstructured lumigraph rendering, section 5.1 (their angular blend).
 
 use super::Viewer;
-use crate::fuse::{Billboard, Entity, OwnerMap, SceneState};
+use crate::fuse::{Billboard, Entity, SceneState};
 use glam::{DVec2, DVec3};
 use std::f64::consts::FRAC_PI_2;
 
@@ -36,15 +36,12 @@ pub(super) fn choose(
     state: &SceneState,
     viewer: Viewer,
 ) -> Option<(usize, Option<(usize, f32)>)> {
-    // Beside what several cameras tell to be theirs, what is left of another camera's blob is a scrap.
-    let is_any_told = entity.sources.iter().any(|source| source.owner != OwnerMap::NOBODY);
-    let is_scrap = |source: &Billboard| is_any_told && source.owner == OwnerMap::NOBODY;
-    let is_any_whole = entity.sources.iter().any(|source| !source.is_truncated && !is_scrap(source));
+    let is_any_whole = entity.sources.iter().any(|source| !source.is_truncated && !entity.is_scrap(source));
     let candidates = entity
         .sources
         .iter()
         .enumerate()
-        .filter(|(_, source)| !(is_scrap(source) || is_any_whole && source.is_truncated));
+        .filter(|(_, source)| !(entity.is_scrap(source) || is_any_whole && source.is_truncated));
     let angle = |(idx, source): (usize, &Billboard)| {
         let camera = state.cameras.get(source.camera_idx)?.corrected.pose().position_in_world;
         let foot = source.foot_in_world;
@@ -97,7 +94,7 @@ fn agreement(a: &Billboard, b: &Billboard) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::fuse::assemble;
+    use crate::fuse::{OwnerMap, assemble};
     use crate::occupancy::drawn_people::{around, mask, observation, scene};
     use videofields_vision::clock::Timestamp;
     use videofields_vision::frame::CameraId;
