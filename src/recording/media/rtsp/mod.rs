@@ -33,8 +33,11 @@ use videofields_vision::lock::lock;
 /// Longest time for which packets wait to be put in order.
 const LATENCY_MS: u32 = 100;
 
-/// Longest silence for which packets wait for one before them.
+/// Longest silence for which packets wait for one before them over TCP, where nothing is lost on the way.
 const ORDER_TIME: Duration = Duration::from_millis(100);
+
+/// The same over UDP, where the one before them is lost more often than late: less than the time between two pictures.
+const DATAGRAM_ORDER_TIME: Duration = Duration::from_millis(30);
 
 /// Most bytes of packets on their way to be put in order.
 const WAITING_BYTES: u64 = 4 << 20;
@@ -60,16 +63,11 @@ impl std::fmt::Debug for Target {
 struct Sinks {
     packets: gst_app::AppSrc,
     reports: gst_app::AppSrc,
-    /// Puts packets in order where they come over TCP.
-    order: Mutex<Option<PacketOrder>>,
+    /// Puts packets in order.
+    order: Mutex<PacketOrder>,
 }
 
 impl Sinks {
-    /// Tells how packets come, before the first of them.
-    fn expect(&self, transport: Transport) {
-        *lock(&self.order) = (transport == Transport::Tcp).then(PacketOrder::default);
-    }
-
     /// Tells the format of packets, before the first of them.
     fn begin(&self, caps: &gst::Caps) {
         self.packets.set_caps(Some(caps));
@@ -77,22 +75,17 @@ impl Sinks {
     }
 
     fn push_packet(&self, packet: Vec<u8>) {
-        match &mut *lock(&self.order) {
-            Some(order) => order.push(packet, |packet| push(&self.packets, packet)),
-            None => push(&self.packets, packet),
-        }
+        lock(&self.order).push(packet, |packet| push(&self.packets, packet));
     }
 
     /// Returns true where packets wait for one before them.
     fn has_waiting(&self) -> bool {
-        lock(&self.order).as_ref().is_some_and(PacketOrder::has_waiting)
+        lock(&self.order).has_waiting()
     }
 
     /// Hands on the packets that wait for one before them.
     fn flush(&self) {
-        if let Some(order) = &mut *lock(&self.order) {
-            order.flush(|packet| push(&self.packets, packet));
-        }
+        lock(&self.order).flush(|packet| push(&self.packets, packet));
     }
 
     fn push_report(&self, report: Vec<u8>) {

@@ -1,7 +1,7 @@
 //! Puts packets that changed places back in order, by their numbers alone.
 //!
-//! `GStreamer`'s jitter buffer does that by time: what is behind its place in a picture that comes late counts as lost at once. Over TCP
-//! nothing is lost or overtaken on the way, so that a packet that is missing either follows within a few, or the camera never sent it.
+//! `GStreamer`'s jitter buffer does that by time: what is behind its place in a picture that comes late counts as lost at once. A packet
+//! that is missing follows within a few others, or not at all: over TCP the camera never sent it, over UDP it is lost.
 
 use std::collections::VecDeque;
 

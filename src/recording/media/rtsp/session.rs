@@ -6,7 +6,7 @@
 use super::description::{Stream, base, first_video};
 use super::message::{Piece, Reader, Response, Unreadable};
 use super::packets::{Kind, sign_of_life, unify};
-use super::{ORDER_TIME, Sinks, Target};
+use super::{DATAGRAM_ORDER_TIME, ORDER_TIME, Sinks, Target};
 use crate::media::client::{ANSWER_TIME, Bytes, USER_AGENT, connect, expect_success};
 use crate::media::fault::{ConnectionFault, Fault};
 use crate::media::login::Answering;
@@ -148,7 +148,6 @@ impl<'a> Session<'a> {
             }
             expect_success(answer.status)?;
             self.take_session(&answer);
-            self.sinks.expect(way);
             let Some((packets, reports, _)) = sockets else { return Ok(Way::Tcp) };
             let ports = answer.header("transport").and_then(server_ports);
             let peer = |port: u16| {
@@ -199,6 +198,10 @@ impl<'a> Session<'a> {
     async fn follow(&mut self, stream: &Stream, way: Way) -> Result<std::convert::Infallible, Fault> {
         let mut chunk = vec![0; CHUNK_BYTES];
         let mut datagrams = [vec![0; PACKET_BYTES], vec![0; PACKET_BYTES]];
+        let order_time = match way {
+            Way::Tcp => ORDER_TIME,
+            Way::Udp { .. } => DATAGRAM_ORDER_TIME,
+        };
         let alive_time = self.timeout * 2 / 3;
         let (mut alive_at, mut report_at) = (Instant::now() + alive_time, Instant::now() + REPORT_TIME);
         let mut has_parameter = self.has_parameter();
@@ -242,7 +245,7 @@ impl<'a> Session<'a> {
                 }
                 packet = receive(first, packet_bytes), if first.is_some() => self.take_datagram(packet_bytes, packet),
                 report = receive(second, report_bytes), if second.is_some() => self.take_datagram(report_bytes, report),
-                () = sleep(ORDER_TIME), if self.sinks.has_waiting() => self.sinks.flush(),
+                () = sleep(order_time), if self.sinks.has_waiting() => self.sinks.flush(),
                 () = sleep_until(alive_at) => {
                     alive_at = Instant::now() + alive_time;
                     let method = if has_parameter { "GET_PARAMETER" } else { "OPTIONS" };
