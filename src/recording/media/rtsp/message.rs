@@ -93,6 +93,8 @@ pub(super) struct Reader {
     n_damaged: u64,
     /// Channels on which packets came.
     channels: BTreeSet<u8>,
+    /// Payload types that came, each with its channel.
+    payload_types: BTreeSet<(u8, u8)>,
     /// True once no more bytes come.
     is_over: bool,
     /// Bytes before those that are kept, and the place at which a packet was searched last and holds no other.
@@ -140,7 +142,9 @@ impl Reader {
                 Start::Packet => {
                     let n_bytes = 4 + usize::from(u16::from_be_bytes([bytes[2], bytes[3]]));
                     self.channels.insert(bytes[1]);
-                    Some((Piece::Packet(bytes[4..n_bytes].to_vec()), n_bytes))
+                    let packet = bytes[4..n_bytes].to_vec();
+                    self.payload_types.insert((bytes[1], payload_type(&packet)));
+                    Some((Piece::Packet(packet), n_bytes))
                 }
                 Start::Response | Start::Request => match message(bytes)? {
                     Some(found) => Some(found),
@@ -178,7 +182,8 @@ impl Reader {
         self.n_consumed += n_bytes as u64;
     }
 
-    /// Returns what `bytes` begin with. Behind bytes that were skipped a packet is one only if something begins after it.
+    /// Returns what `bytes` begin with. Behind bytes that were skipped, and of a payload type that never came, a packet is one only if
+    /// something begins after it.
     fn start(&self, bytes: &[u8]) -> Start {
         let is_lost = self.n_skipped > 0;
         let Some(first) = bytes.first() else { return Start::Unknown };
@@ -201,12 +206,9 @@ impl Reader {
                 // Once is enough: a hostile camera could have each byte looked at for each that comes.
                 self.searched_at.set(Some(self.n_consumed));
             }
-            return match rest.get(n_bytes..) {
-                None => Start::Unknown,
-                Some([]) if is_lost && !self.is_over => Start::Unknown,
-                Some([next, ..]) if is_lost && !matches!(next, b'$' | b'R' | b'\r' | b'\n') => Start::Nothing,
-                Some(_) => Start::Packet,
-            };
+            let Some(after) = rest.get(n_bytes..) else { return Start::Unknown };
+            let has_come = self.has_come(bytes[1], &rest[..n_bytes]);
+            return if is_lost || !has_come { self.confirmed(after) } else { Start::Packet };
         }
         let begins = |word: &str| {
             let n_bytes = word.len().min(bytes.len());
@@ -219,6 +221,27 @@ impl Reader {
             Some(method) if bytes.len() < method.len() => Start::Unknown,
             Some(_) => Start::Request,
             None => Start::Nothing,
+        }
+    }
+
+    /// Returns true for packets of a payload type that came on that channel before, and for all before the first one.
+    fn has_come(&self, channel: u8, packet: &[u8]) -> bool {
+        self.payload_types.is_empty() || self.payload_types.contains(&(channel, payload_type(packet)))
+    }
+
+    /// Returns what a doubtful packet is by the bytes after it.
+    fn confirmed(&self, after: &[u8]) -> Start {
+        match after {
+            [b'$', _, _, _, rest @ ..] if !rest.is_empty() => {
+                if is_packet(rest) {
+                    Start::Packet
+                } else {
+                    Start::Nothing
+                }
+            }
+            [] | [b'$', ..] if !self.is_over => Start::Unknown,
+            [] | [b'$' | b'R' | b'\r' | b'\n', ..] => Start::Packet,
+            _ => Start::Nothing,
         }
     }
 
@@ -248,6 +271,11 @@ impl Reader {
         let mut begins = bytes.iter().enumerate().filter(|(_, byte)| **byte == b'$').map(|(at, _)| at);
         begins.any(|at| is_chain(at) == Some(true))
     }
+}
+
+/// Returns a packet's payload type; of a report seven bits of its own type.
+fn payload_type(packet: &[u8]) -> u8 {
+    packet.get(1).map_or(0, |second| second & 127)
 }
 
 /// The message at the beginning of `bytes` and how long it is, once it is there whole.
@@ -321,7 +349,7 @@ mod tests {
         let answer = b"RTSP/1.0 200 OK\r\nCSeq: 3\r\nSession: 9;timeout=20\r\nContent-Length: 4\r\n\r\nbody";
         let request = b"GET_PARAMETER rtsp://cam/ RTSP/1.0\r\nCSeq: 7\r\n\r\n";
         let all =
-            [&packet(0, &RTP)[..], answer, &packet(9, &RTP), b"\r\n", request, &packet(1, &RTP)].concat();
+            [&packet(0, &RTP)[..], answer, &packet(9, &RTP), b"\r\n", request, &packet(0, &RTP)].concat();
         let mut reader = Reader::default();
         let at_once = read(&mut reader, &all);
         assert_eq!((at_once.len(), reader.n_damaged), (5, 0));
@@ -382,6 +410,24 @@ mod tests {
         let cut = [&packet(0, &RTP)[..12], &packet(0, &RTP).repeat(9)].concat();
         let n_read = read(&mut reader, &cut).len();
         assert!((7..=9).contains(&n_read) && reader.n_damaged > 0, "{n_read}");
+    }
+
+    #[test]
+    fn garbage_that_looks_like_a_packet_of_another_kind_takes_nothing_with_it() {
+        for garbage in [&b"$\0\0\x24\x86\0"[..], b"$\0\0\x10\x80\x61", b"$\x01\0\x24\x80\xc8"] {
+            let packets = |n: usize| (0..n).flat_map(|_| packet(0, &RTP)).collect::<Vec<u8>>();
+            for cut in [1, 7, 1000] {
+                let mut reader = Reader::default();
+                let all = [&packets(2)[..], garbage, &packets(20)].concat();
+                let n_read: usize = all.chunks(cut).map(|bytes| read(&mut reader, bytes).len()).sum();
+                assert_eq!((n_read, reader.n_damaged), (22, 1), "{garbage:?}");
+            }
+        }
+        // A kind that comes for the first time is taken, and from then on at once.
+        let (report, mut reader) = ([&[0x80, 200, 0, 6][..], &[7; 24]].concat(), Reader::default());
+        let begun = [packet(0, &RTP), packet(1, &report), packet(0, &RTP)].concat();
+        assert_eq!(read(&mut reader, &begun).len(), 3);
+        assert_eq!((read(&mut reader, &packet(1, &report)).len(), reader.n_damaged), (1, 0));
     }
 
     #[test]
