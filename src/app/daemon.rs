@@ -58,6 +58,9 @@ async fn run(config: &Config, load: Load, announce: impl FnOnce(&str)) -> Result
     let mut interrupt = signal(SignalKind::interrupt()).context("cannot listen for SIGINT")?;
     let hangup = signal(SignalKind::hangup()).context("cannot listen for SIGHUP")?;
     let settings = config.settings();
+    for overlap in settings.media_folders().overlaps() {
+        tracing::warn!("{overlap}");
+    }
     let clock: Arc<dyn Clock> = Arc::new(SystemClock::new());
     let tls = load_tls(&settings.server)?;
     // First the address: when another daemon holds it, nothing else should have been touched.
@@ -228,7 +231,7 @@ async fn open(config: &Config, clock: &Arc<dyn Clock>) -> Result<(Store, Catalog
     let settings = config.settings();
     let store = Store::open(&settings.storage.database).await?;
     let (configured, _n_faulty) = configured_scenes(config, &store, &**clock).await;
-    let folders = (config.folder().to_owned(), settings.media.roots.clone());
+    let folders = (config.folder().to_owned(), settings.media_folders());
     let catalog = Catalog::open(store.clone(), Arc::clone(clock), configured, folders).await;
     let catalog =
         catalog.context("cannot read what was kept of scenes, views, walls, cameras and playheads")?;
@@ -274,7 +277,7 @@ async fn load_scene(
     store: &Store,
     clock: &dyn Clock,
 ) -> Result<(Scene, bool)> {
-    match scene::load_file(&settings.id, &settings.file, &config.settings().media.roots) {
+    match scene::load_file(&settings.id, &settings.file, &config.settings().media_folders()) {
         Ok(parsed) => {
             // A scene that cannot be kept is still a scene.
             if let Err(error) = store.put_scene(&settings.id, &parsed.scene.document, clock.now()).await {
@@ -285,7 +288,7 @@ async fn load_scene(
         Err(error) => {
             let Some(kept) = store.scene(&settings.id).await? else { return Err(error.into()) };
             // Its calibrations stand in it, its models still beside the scene's file.
-            let imports = scene::FolderImports::beside(&settings.file, &config.settings().media.roots);
+            let imports = scene::FolderImports::beside(&settings.file, &config.settings().media_folders());
             let parsed = scene::parse(&settings.id, &kept.document, imports);
             let then = if parsed.is_ok() { "is served" } else { "cannot be served either" };
             tracing::error!(scene = settings.id, %error, "scene file at fault; its last good document {then}");

@@ -74,9 +74,7 @@ pub fn judge_scene(
     progress: &dyn Fn(&str),
 ) -> Result<(Unjudged, String), SweepError> {
     let settings = config.settings();
-    let roots =
-        MediaRoots::new(&settings.media.roots).map_err(|error| SweepError::Picture(error.to_string()))?;
-    let roots = roots.with_networks(&settings.media.networks).with_credentials(&settings.credentials);
+    let roots = MediaRoots::of_settings(settings);
     let mut learned = Vec::new();
     for member in &scene.cameras {
         progress(&format!("learning camera {}", member.id));

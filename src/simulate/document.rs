@@ -120,7 +120,8 @@ impl World {
         let mut text = format!(
             "# The simulated {name}: what `videofields-lab simulate --world {id}` writes.\n{notes}\n\
              [server]\nlisten = \"127.0.0.1:8080\"\n\n\
-             [storage]\ndatabase = {database}\n",
+             [storage]\ndatabase = {database}\n\n\
+             [media]\nroots = [\"clips\"]\n",
             name = self.id,
             id = self.id,
             notes = self.approximations().iter().map(|note| format!("# {note}\n")).collect::<String>(),

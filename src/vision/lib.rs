@@ -7,6 +7,8 @@ pub mod error;
 
 pub mod lock;
 
+pub mod private_files;
+
 pub mod clock;
 
 pub mod geometry;

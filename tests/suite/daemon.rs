@@ -33,7 +33,9 @@ fn demo(folder: &Path) -> PathBuf {
     }
     let text = std::fs::read_to_string(from.join("plaza.toml")).unwrap();
     let config = folder.join("plaza.toml");
-    std::fs::write(&config, text.replace("../../target/demo/videofields.sqlite", "kept.sqlite")).unwrap();
+    let text = text.replace("../../target/demo/videofields.sqlite", "kept.sqlite");
+    // Tests bring further media.
+    std::fs::write(&config, text.replace("roots = [\"clips\"]", "roots = [\".\"]")).unwrap();
     config
 }
 

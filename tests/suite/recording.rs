@@ -59,7 +59,7 @@ fn scene() -> Scene {
 /// Starts cameras with so little memory that most of what they show is forgotten.
 fn start(folder: &Path, cameras: &str) -> Running {
     let text = format!(
-        "[storage]\ndatabase = \"v.sqlite\"\n[timeline]\nmib_per_camera = 8\n[accuracy]\nmeasure_at_start = false\n\
+        "[storage]\ndatabase = \"v.sqlite\"\n[media]\nroots = [\".\"]\n[timeline]\nmib_per_camera = 8\n[accuracy]\nmeasure_at_start = false\n\
          [archive]\nfolder = \"recorded\"\nsegment_secs = 5\nmin_free_mib = 1\nmax_age_days = 36500.0\n\
          {cameras}"
     );

@@ -50,7 +50,7 @@ fn the_example_parses_to_the_defaults() {
         Config::from_settings(Settings::default(), Path::new("/etc/videofields")).expect("defaults");
     assert_eq!(config, defaults);
     assert_eq!(config.settings().storage.database, Path::new("/etc/videofields/videofields.sqlite"));
-    assert_eq!(config.settings().media.roots, [PathBuf::from("/etc/videofields")]);
+    assert_eq!(config.settings().media.roots, [PathBuf::from("/etc/videofields/media")]);
 }
 
 #[test]

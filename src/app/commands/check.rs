@@ -26,10 +26,10 @@ impl CheckConfig {
         let settings = config.settings();
         let (mut n_faulty, mut scenes) = (0, Vec::new());
         for scene in &settings.scene {
-            match scene::load_file(&scene.id, &scene.file, &settings.media.roots) {
+            match scene::load_file(&scene.id, &scene.file, &settings.media_folders()) {
                 Ok(parsed) => {
                     warn_of_unknown_cameras(settings, &parsed.scene);
-                    let roots = MediaRoots::usable(&settings.media.roots);
+                    let roots = MediaRoots::of_settings(settings);
                     for (id, reason) in SceneSequences::open(&parsed.scene, &roots, 0).problems() {
                         super::complain(&format!("warning: scene {}: sequence {id}: {reason}", scene.id));
                     }
@@ -41,23 +41,33 @@ impl CheckConfig {
                 }
             }
         }
-        match MediaRoots::new(&settings.media.roots) {
-            Ok(roots) => {
-                let roots =
-                    roots.with_networks(&settings.media.networks).with_credentials(&settings.credentials);
-                for camera in &settings.camera {
-                    if let Some(size_px) = warn_of_unreadable(camera, &roots) {
-                        warn_of_other_shape(camera, size_px, &scenes);
-                    }
-                }
+        warn_of_roots(settings);
+        let roots = MediaRoots::of_settings(settings);
+        for camera in &settings.camera {
+            if let Some(size_px) = warn_of_unreadable(camera, &roots) {
+                warn_of_other_shape(camera, size_px, &scenes);
             }
-            Err(error) => super::complain(&format!("warning: {error}")),
         }
         if n_faulty > 0 {
             bail!("{n_faulty} of {} scenes are at fault", settings.scene.len());
         }
         let (cameras, scenes) = (settings.camera.len(), settings.scene.len());
         super::say(&format!("{}: good, {cameras} cameras, {scenes} scenes", self.file.display()))
+    }
+}
+
+/// Warns of media roots that cannot be used, and of those above what the daemon keeps itself.
+fn warn_of_roots(settings: &Settings) {
+    let is_needed = settings.camera.iter().any(|camera| camera.source.path.is_some());
+    for root in &settings.media.roots {
+        if let Err(error) = MediaRoots::new(std::slice::from_ref(root))
+            && is_needed
+        {
+            super::complain(&format!("warning: {error}"));
+        }
+    }
+    for overlap in settings.media_folders().overlaps() {
+        super::complain(&format!("warning: {overlap}"));
     }
 }
 

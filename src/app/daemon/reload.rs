@@ -56,9 +56,11 @@ impl Reload {
         let at_restart = named(&self.at_start, Effect::AtRestart);
         let (scenes, n_faulty) = configured_scenes(&config, &self.store, &*self.clock).await;
         let order: Vec<String> = settings.scene.iter().map(|scene| scene.id.clone()).collect();
-        let roots = settings.media.roots.clone();
-        let applied =
-            self.catalog.reconfigure((&settings.camera, scenes, roots), &order, |cameras, zones, scenes| {
+        let folders = settings.media_folders();
+        let applied = self.catalog.reconfigure(
+            (&settings.camera, scenes, folders),
+            &order,
+            |cameras, zones, scenes| {
                 warn_of_unknown_cameras(&cameras, &scenes);
                 // Threads that end are waited for.
                 tokio::task::block_in_place(|| {
@@ -66,7 +68,8 @@ impl Reload {
                     self.engine.apply_scenes(scenes);
                     failed
                 })
-            });
+            },
+        );
         match applied.await {
             Ok(failed) => {
                 for (camera, error) in failed {

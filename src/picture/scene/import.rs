@@ -6,26 +6,32 @@ use std::path::{Path, PathBuf};
 use videofields_vision::calibrate::{ImportOptions, MAX_BYTES, import};
 use videofields_vision::error::Fault;
 use videofields_vision::geometry::Camera;
+use videofields_vision::private_files::{MediaFolders, PrivateFiles};
+
+/// Name of a file that is not to be read.
+const PRIVATE: &str = "a recording, export, snapshot or database, which is no part of a scene";
 
 /// Reads the scene document at `path`. Calibrations are imported from files beneath the document's own folder or
-/// `media_roots`, symbolic links resolved first.
+/// `folders`, symbolic links resolved first.
 ///
 /// # Errors
 /// When the file cannot be read, or with every fault of the document.
-pub fn load_file(id: &str, path: &Path, media_roots: &[PathBuf]) -> Result<ParsedScene, SceneError> {
-    let text = match read_text(path, MAX_DOCUMENT_BYTES) {
+pub fn load_file(id: &str, path: &Path, folders: impl Into<MediaFolders>) -> Result<ParsedScene, SceneError> {
+    let folders = folders.into();
+    let text = match read_text(path, MAX_DOCUMENT_BYTES, &folders.private) {
         Ok(text) => text,
         Err(Refusal::Unreadable(source)) => {
             return Err(SceneError::Unreadable { path: path.to_owned(), source });
         }
         Err(Refusal::NotAFile(what)) => return Err(SceneError::NotAFile { path: path.to_owned(), what }),
+        Err(Refusal::Private) => return Err(SceneError::NotAFile { path: path.to_owned(), what: PRIVATE }),
         Err(Refusal::TooLarge(bytes)) => return Err(SceneError::TooLarge { bytes }),
         Err(Refusal::NotUtf8(byte)) => {
             let message = format!("the document must be UTF-8, but byte {byte} is not");
             return Err(SceneError::Faults(vec![Fault::new("", message)]));
         }
     };
-    parse(id, &text, FolderImports::beside(path, media_roots))
+    parse(id, &text, FolderImports::beside(path, folders))
 }
 
 /// Brings in what a document names but does not hold.
@@ -67,7 +73,7 @@ pub const ASSETS: &str = "assets";
 #[derive(Clone, Debug)]
 pub struct FolderImports {
     folder: PathBuf,
-    media_roots: Vec<PathBuf>,
+    folders: MediaFolders,
     /// Where [`ASSETS`] lies, for documents that may name files there.
     assets: Option<PathBuf>,
     /// What lies elsewhere than in that folder, by its name there.
@@ -77,15 +83,15 @@ pub struct FolderImports {
 impl FolderImports {
     /// For the scene document at `path`.
     #[must_use]
-    pub fn beside(path: &Path, media_roots: &[PathBuf]) -> Self {
+    pub fn beside(path: &Path, folders: impl Into<MediaFolders>) -> Self {
         let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-        Self::beneath(folder, media_roots)
+        Self::beneath(folder, folders)
     }
 
     /// For a scene document of no file; relative paths start at `folder`.
     #[must_use]
-    pub fn beneath(folder: &Path, media_roots: &[PathBuf]) -> Self {
-        Self { folder: folder.to_owned(), media_roots: media_roots.to_vec(), assets: None, instead: None }
+    pub fn beneath(folder: &Path, folders: impl Into<MediaFolders>) -> Self {
+        Self { folder: folder.to_owned(), folders: folders.into(), assets: None, instead: None }
     }
 
     /// The same, for a document that may name files of the folder `assets` as `assets/NAME`; one of them lies elsewhere.
@@ -114,14 +120,14 @@ impl FolderImports {
         if let Some(path) = self.asset(file) {
             return Ok(path);
         }
-        beneath(&self.folder.join(file), &self.folder, &self.media_roots)
+        beneath(&self.folder.join(file), &self.folder, &self.folders.roots)
             .map_err(|reason| format!("cannot import {file:?}: {reason}"))
     }
 }
 
 impl Imports for FolderImports {
     fn calibration(&mut self, reference: &ImportReference) -> Result<Camera, String> {
-        import_calibration(reference, &self.found(&reference.file)?)
+        import_calibration(reference, &self.found(&reference.file)?, &self.folders.private)
     }
 
     fn path(&mut self, file: &str) -> Result<PathBuf, String> {
@@ -129,12 +135,13 @@ impl Imports for FolderImports {
     }
 
     fn file(&mut self, file: &str, most_bytes: usize) -> Result<Vec<u8>, String> {
-        read_bytes(&self.found(file)?, most_bytes).map_err(|refusal| match refusal {
+        read_bytes(&self.found(file)?, most_bytes, &self.folders.private).map_err(|refusal| match refusal {
             Refusal::Unreadable(source) => format!("cannot read {file:?}: {source}"),
             Refusal::NotAFile(what) => format!("cannot read {file:?}: expected a file, but this is {what}"),
             Refusal::TooLarge(bytes) => {
                 format!("cannot read {file:?}: at most {most_bytes} bytes are allowed, got {bytes}")
             }
+            Refusal::Private => format!("cannot read {file:?}: it is {PRIVATE}"),
             Refusal::NotUtf8(_) => format!("cannot read {file:?}"),
         })
     }
@@ -148,11 +155,16 @@ pub fn no_imports(_reference: &ImportReference) -> Result<Camera, String> {
     Err("calibrations are imported only by scene files; write the calibration itself here".to_owned())
 }
 
-fn import_calibration(reference: &ImportReference, path: &Path) -> Result<Camera, String> {
+fn import_calibration(
+    reference: &ImportReference,
+    path: &Path,
+    private: &PrivateFiles,
+) -> Result<Camera, String> {
     let file = &reference.file;
-    let text = read_text(path, MAX_BYTES).map_err(|refusal| match refusal {
+    let text = read_text(path, MAX_BYTES, private).map_err(|refusal| match refusal {
         Refusal::Unreadable(source) => format!("cannot import {file:?}: {source}"),
         Refusal::NotAFile(what) => format!("cannot import {file:?}: expected a file, but this is {what}"),
+        Refusal::Private => format!("cannot import {file:?}: it is {PRIVATE}"),
         Refusal::TooLarge(_) => {
             format!("cannot import {file:?}: a calibration has at most {MAX_BYTES} bytes")
         }
@@ -190,16 +202,17 @@ fn beneath(path: &Path, folder: &Path, media_roots: &[PathBuf]) -> Result<PathBu
 enum Refusal {
     Unreadable(std::io::Error),
     NotAFile(&'static str),
+    Private,
     TooLarge(u64),
     NotUtf8(usize),
 }
 
-fn read_text(path: &Path, most: usize) -> Result<String, Refusal> {
-    let bytes = read_bytes(path, most)?;
+fn read_text(path: &Path, most: usize, private: &PrivateFiles) -> Result<String, Refusal> {
+    let bytes = read_bytes(path, most, private)?;
     String::from_utf8(bytes).map_err(|error| Refusal::NotUtf8(error.utf8_error().valid_up_to()))
 }
 
-fn read_bytes(path: &Path, most: usize) -> Result<Vec<u8>, Refusal> {
+fn read_bytes(path: &Path, most: usize, private: &PrivateFiles) -> Result<Vec<u8>, Refusal> {
     let metadata = std::fs::metadata(path).map_err(Refusal::Unreadable)?;
     if !metadata.is_file() {
         return Err(Refusal::NotAFile(if metadata.is_dir() {
@@ -213,6 +226,9 @@ fn read_bytes(path: &Path, most: usize) -> Result<Vec<u8>, Refusal> {
     }
     let mut bytes = Vec::new();
     let file = std::fs::File::open(path).map_err(Refusal::Unreadable)?;
+    if private.holds(&file).map_err(Refusal::Unreadable)? {
+        return Err(Refusal::Private);
+    }
     file.take(most as u64 + 1).read_to_end(&mut bytes).map_err(Refusal::Unreadable)?;
     if bytes.len() > most {
         return Err(Refusal::TooLarge(metadata.len().max(bytes.len() as u64)));

@@ -57,7 +57,7 @@ pub struct FoundFiles {
 /// # Errors
 /// When `under` lies outside the media roots, does not exist or is no folder.
 pub fn browse(roots: &MediaRoots, under: Option<&Path>, stop: &StopFlag) -> Result<FoundFiles, IngestError> {
-    let mut walk = Walk { found: FoundFiles::default(), n_names: 0, stop };
+    let mut walk = Walk { found: FoundFiles::default(), n_names: 0, roots, stop };
     match under {
         Some(folder) => {
             let resolved = roots.resolve_folder(folder)?;
@@ -98,12 +98,16 @@ pub fn devices() -> Vec<PathBuf> {
 struct Walk<'a> {
     found: FoundFiles,
     n_names: usize,
+    roots: &'a MediaRoots,
     stop: &'a StopFlag,
 }
 
 impl Walk<'_> {
     /// Looks at a folder, which is told as `shown`.
     fn enter(&mut self, folder: &Path, shown: &Path, depth: usize) {
+        if self.roots.is_private_folder(folder) {
+            return;
+        }
         // What may not be read has nothing for the daemon.
         let Ok(entries) = fs::read_dir(folder) else { return };
         let (mut pictures, mut folders) = (BTreeMap::<Stem, Vec<String>>::new(), Vec::new());

@@ -25,6 +25,15 @@ pub enum IngestError {
         /// The roots as configured, joined by commas.
         allowed: String,
     },
+    /// The file is the daemon's own: a recording, an export, a snapshot, a database.
+    #[error(
+        "{path:?} belongs to what the daemon keeps itself (recordings, exports, snapshots, databases), which is no source: \
+         export a recording and put the export beneath a media root"
+    )]
+    Private {
+        /// The path as asked for.
+        path: PathBuf,
+    },
     /// The path has a step upwards.
     #[error("{path:?} has a `..`, which file sources do not take: name the file beneath {allowed} directly")]
     ParentStep {
@@ -241,6 +250,21 @@ impl IngestError {
         }
     }
 
+    /// Returns the fault for callers who do not administer the site: no path, no address, and nothing of what answers there.
+    pub(super) fn public_text(&self) -> String {
+        let cause = match self {
+            Self::Camera(_) => "it cannot be connected",
+            Self::TooLarge { .. } => "its frames are too large",
+            Self::Refused { .. } | Self::MissingCodec { .. } => "its video's format is not supported",
+            Self::Damaged { .. } | Self::Worker { .. } => "its video cannot be decoded further",
+            Self::Silent { .. } => "it gave no frame for too long",
+            Self::Layout { .. } | Self::Gstreamer { .. } | Self::Thread { .. } => "decoding fails",
+            Self::Stopped => "it is stopped",
+            _ => "its file cannot be played",
+        };
+        format!("{cause}; administrators see more")
+    }
+
     /// Whether the fault lies in what the source holds, so that reading it again meets it again.
     #[must_use]
     pub(super) const fn is_of_content(&self) -> bool {
@@ -277,6 +301,7 @@ impl IngestError {
             Self::NoPlace
             | Self::Root { .. }
             | Self::Outside { .. }
+            | Self::Private { .. }
             | Self::ParentStep { .. }
             | Self::Url { .. }
             | Self::NotAFile { .. }

@@ -3,14 +3,16 @@
 //!
 //! A path is refused if it is a URL, has a `..`, or leads out of the roots once symbolic links are resolved. What
 //! is handed out is the open file, checked again after it was opened, so that a link swapped in between gains
-//! nothing. Messages name the path as asked for and the roots as configured, never what lies outside them.
+//! nothing. Messages name the path as asked for and the roots as configured, never what lies outside them. What the daemon keeps for
+//! itself is not opened, even beneath a root.
 
 use super::IngestError;
 use crate::media::descriptor_path;
 use std::fs::{self, File};
 use std::io;
 use std::path::{Component, Path, PathBuf};
-use videofields_vision::config::{CredentialsSettings, MediaSettings, Network};
+use videofields_vision::config::{CredentialsSettings, MediaSettings, Network, Settings};
+use videofields_vision::private_files::PrivateFiles;
 
 /// Folders beneath which files may be opened, networks in which cameras may be reached, and logins that cameras may name.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -19,6 +21,7 @@ pub struct MediaRoots {
     resolved: Vec<PathBuf>,
     networks: Vec<Network>,
     credentials: Vec<CredentialsSettings>,
+    private: PrivateFiles,
 }
 
 impl MediaRoots {
@@ -41,6 +44,7 @@ impl MediaRoots {
             resolved,
             networks: MediaSettings::default().networks,
             credentials: Vec::new(),
+            private: PrivateFiles::default(),
         })
     }
 
@@ -52,6 +56,9 @@ impl MediaRoots {
         for root in roots {
             match Self::new(std::slice::from_ref(root)) {
                 Ok(usable) => resolved.extend(usable.resolved),
+                Err(IngestError::Root { path, source }) if source.kind() == io::ErrorKind::NotFound => {
+                    tracing::warn!(path = %path.display(), "a media root is not there and left out");
+                }
                 Err(error) => tracing::error!(%error, "a media root is left out"),
             }
         }
@@ -60,7 +67,24 @@ impl MediaRoots {
             resolved,
             networks: MediaSettings::default().networks,
             credentials: Vec::new(),
+            private: PrivateFiles::default(),
         }
+    }
+
+    /// Returns the roots, networks and logins of `settings`, without roots that cannot be used, and without what the daemon keeps for
+    /// itself.
+    #[must_use]
+    pub fn of_settings(settings: &Settings) -> Self {
+        Self::usable(&settings.media.roots)
+            .with_networks(&settings.media.networks)
+            .with_credentials(&settings.credentials)
+            .with_private(settings.private_files())
+    }
+
+    /// Returns the same roots, with these files as those that are never opened.
+    #[must_use]
+    pub fn with_private(self, private: PrivateFiles) -> Self {
+        Self { private, ..self }
     }
 
     /// The same, with these networks as the ones in which cameras may be reached, instead of private, loopback and
@@ -137,7 +161,18 @@ impl MediaRoots {
             return Err(IngestError::NotAFile { path: path.to_path_buf() });
         }
         let opened = fs::read_link(descriptor_path(&file)).map_err(unreadable)?;
-        if self.contains(&opened) { Ok(file) } else { Err(self.outside(path)) }
+        if !self.contains(&opened) {
+            return Err(self.outside(path));
+        }
+        if self.private.holds(&file).map_err(unreadable)? {
+            return Err(IngestError::Private { path: path.to_path_buf() });
+        }
+        Ok(file)
+    }
+
+    /// Returns true for a folder that the daemon keeps for itself, and for one that cannot be told from such.
+    pub(super) fn is_private_folder(&self, folder: &Path) -> bool {
+        self.private.holds_folder(folder).unwrap_or(true)
     }
 
     fn resolve(&self, path: &Path) -> Result<PathBuf, IngestError> {
@@ -262,6 +297,24 @@ mod tests {
             Err(IngestError::NotFound { .. })
         ));
         assert!(matches!(named.open(Path::new("/dev/zero")), Err(IngestError::NotAFile { .. })));
+    }
+
+    #[test]
+    fn what_the_daemon_keeps_is_not_opened_beneath_a_root_either() {
+        let (folder, roots) = plaza();
+        let at = |path: &str| folder.path().join("media").join(path);
+        fs::create_dir_all(at("archive/north/2026-11-29")).unwrap();
+        fs::write(at("archive/north/2026-11-29/1.mkv"), b"1").unwrap();
+        fs::write(at("db.sqlite"), b"d").unwrap();
+        std::os::unix::fs::symlink(at("archive/north/2026-11-29/1.mkv"), at("day/b.mkv")).unwrap();
+        let private = PrivateFiles::new(vec![at("archive")], Some(at("db.sqlite")));
+        let roots = roots.with_private(private).with_folder(&at("day")).unwrap();
+        for path in ["archive/north/2026-11-29/1.mkv", "day/b.mkv", "db.sqlite"] {
+            let error = roots.open(&at(path)).unwrap_err();
+            assert!(matches!(error, IngestError::Private { .. }), "{path}: {error}");
+            assert_eq!(error.kind(), ErrorKind::Invalid);
+        }
+        assert!(roots.open(&at("day/a.avi")).is_ok());
     }
 
     #[test]

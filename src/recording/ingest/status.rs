@@ -1,5 +1,6 @@
 //! How a camera is doing, for everyone who asks.
 
+use super::IngestError;
 use crate::media::Decoding;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
@@ -51,6 +52,8 @@ pub struct CameraStatus {
     pub state: CameraState,
     /// Why it failed last, or what is wrong although frames come; else `None`.
     pub reason: Option<String>,
+    /// The same for callers who do not administer the site: without paths and addresses, and what answers there.
+    pub public_reason: Option<String>,
     /// Wall-clock time at which this state began.
     pub since: Timestamp,
     /// How often its source was opened again.
@@ -73,7 +76,34 @@ pub struct CameraStatus {
     pub fps: f64,
 }
 
+/// A reason for a camera's state, with its text for callers who do not administer the site.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) struct Reason {
+    /// Text for administrators.
+    pub(super) text: String,
+    /// Text for others.
+    pub(super) public: String,
+}
+
+impl From<String> for Reason {
+    /// Returns a reason that everybody may read.
+    fn from(text: String) -> Self {
+        Self { public: text.clone(), text }
+    }
+}
+
+impl From<&IngestError> for Reason {
+    fn from(error: &IngestError) -> Self {
+        Self { text: error.to_string(), public: error.public_text() }
+    }
+}
+
 impl CameraStatus {
+    fn tell(&mut self, reason: Option<Reason>) {
+        (self.reason, self.public_reason) =
+            reason.map_or((None, None), |reason| (Some(reason.text), Some(reason.public)));
+    }
+
     /// Goes over to `state`, if it is another.
     fn enter(&mut self, state: CameraState, now: Timestamp) {
         if self.state != state {
@@ -125,12 +155,12 @@ impl StatusReader {
     pub fn switch_off(&self, now: Timestamp) {
         let mut status = self.0.lock();
         status.enter(CameraState::Ended, now);
-        status.reason = Some("switched off".to_owned());
+        status.tell(Some("switched off".to_owned().into()));
     }
 
     /// Tells that the camera's thread could not be started.
     pub fn fail(&self, reason: String, now: Timestamp) {
-        self.0.fail(reason, now, None);
+        self.0.fail(reason.into(), now, None);
     }
 
     /// What is read here, to be told on.
@@ -148,6 +178,7 @@ impl SharedStatus {
         Self(Arc::new(Mutex::new(CameraStatus {
             state: CameraState::Connecting,
             reason: None,
+            public_reason: None,
             since: now,
             retries: 0,
             decoding: None,
@@ -174,31 +205,31 @@ impl SharedStatus {
     }
 
     /// Tells that the source failed, and after what time it is tried again, if it is.
-    pub(super) fn fail(&self, reason: String, now: Timestamp, retry_in: Option<Duration>) {
+    pub(super) fn fail(&self, reason: Reason, now: Timestamp, retry_in: Option<Duration>) {
         let mut status = self.lock();
         status.enter(CameraState::Failed, now);
-        status.reason = Some(reason);
+        status.tell(Some(reason));
         status.next_try = retry_in
             .map(|delay| now.saturating_add_nanos(i64::try_from(delay.as_nanos()).unwrap_or(i64::MAX)));
     }
 
     /// Tells that the source is opened again after it failed for `reason`.
-    pub(super) fn retry(&self, reason: String) {
+    pub(super) fn retry(&self, reason: Reason) {
         let mut status = self.lock();
         status.retries += 1;
-        status.reason = Some(reason);
+        status.tell(Some(reason));
     }
 
     /// Tells something of the state that it is in.
     pub(super) fn set_reason(&self, reason: String) {
-        self.lock().reason = Some(reason);
+        self.lock().tell(Some(reason.into()));
     }
 
     /// Tells that no frame has come for a while.
     pub(super) fn stall(&self, reason: String, now: Timestamp) {
         let mut status = self.lock();
         status.enter(CameraState::Stalled, now);
-        status.reason = Some(reason);
+        status.tell(Some(reason.into()));
     }
 
     /// Tells which process decodes its pictures and what holds that.
@@ -217,7 +248,7 @@ impl SharedStatus {
         status.enter(frame.state, frame.wall);
         status.fps = frame.fps;
         if status.reason.as_deref() != concern {
-            status.reason = concern.map(str::to_owned);
+            status.tell(concern.map(|concern| concern.to_owned().into()));
         }
         (status.last_timestamp, status.last_frame_at) = (Some(frame.timestamp), Some(frame.monotonic));
         status.size = Some(frame.size);

@@ -15,7 +15,7 @@ use super::arrival::ArrivalClock;
 use super::losses::{Counts, Losses};
 use super::pacing::Pacer;
 use super::secret::LoginWatch;
-use super::status::{CameraState, CameraStatus, Delivered, RateMeter, SharedStatus, StatusReader};
+use super::status::{CameraState, CameraStatus, Delivered, RateMeter, Reason, SharedStatus, StatusReader};
 use super::together::{Member, Together};
 use super::{IngestError, Lost, MediaRoots, Source, SourceFrame, StopFlag, Tap, open_tapped};
 use crate::media::{EncodedFrame, TICK_NANOS};
@@ -315,7 +315,7 @@ impl Camera {
         if let Err(panic) = catch_unwind(AssertUnwindSafe(|| self.run(open))) {
             let text = panic_text(panic.as_ref());
             tracing::error!(panic = text, "processing of a camera panicked; the camera stays off");
-            self.status.fail(format!("its processing panicked: {text}"), self.clock.now(), None);
+            self.status.fail(format!("its processing panicked: {text}").into(), self.clock.now(), None);
         }
     }
 
@@ -348,18 +348,18 @@ impl Camera {
             let lasted = self.clock.monotonic().saturating_sub(opened_at);
             if is_live && self.is_worth_haste(&error, lasted, self.next_number - number_before) {
                 tracing::warn!(%error, "a camera's stream is connected anew at once");
-                self.status.retry(error.to_string());
+                self.status.retry((&error).into());
                 continue;
             }
             // What was played cannot be played again as if it were new: a recording that ends in damage ends there.
             if !is_live && self.end == End::Stop && self.next_number > 0 && error.ends_a_recording() {
                 tracing::error!(%error, "a camera's recording is damaged and ends here");
-                self.status.fail(error.to_string(), self.clock.now(), None);
+                self.status.fail((&error).into(), self.clock.now(), None);
                 last_state = CameraState::Failed;
                 break;
             }
             let (mut reason, mut delay) = (
-                error.to_string(),
+                Reason::from(&error),
                 retry_delay(n_failures, std::hash::RandomState::new().hash_one(n_failures)),
             );
             let is_mishap =
@@ -370,7 +370,7 @@ impl Camera {
             let is_refused = self.login.is_some() && error.is_login_refused();
             if is_refused {
                 delay = LOGIN_PAUSE;
-                reason.push_str("; it is tried again when they change, or in 10 minutes");
+                reason.text.push_str("; it is tried again when they change, or in 10 minutes");
             }
             tracing::warn!(%error, retry_in = ?delay, "a camera's source failed");
             self.status.fail(reason.clone(), self.clock.now(), Some(delay));

@@ -123,6 +123,7 @@ impl Catalog {
         // The rights first: who may not know of it learns nothing.
         door.preview_feed(&asked.id, &Value::Object(serde_json::Map::new()))?;
         let configured = self.base_camera(&asked.id)?;
+        door.check_feed(&asked.id, &FeedSettings::of(&configured))?;
         let kept = CameraChange { feed: None, ..self.kept(&asked.id) };
         self.keep_camera(&asked, &kept).await?;
         let (door, id) = (door.clone(), asked.id);

@@ -35,6 +35,7 @@ use videofields_recording::store::{DocumentKind, DocumentRecord, Store};
 use videofields_vision::clock::{Clock, Timestamp};
 use videofields_vision::config::CameraSettings;
 use videofields_vision::frame::CameraId;
+use videofields_vision::private_files::MediaFolders;
 
 /// Most documents of a kind; of scenes, those of the configuration count too. As many that were removed are remembered.
 pub const MAX_DOCUMENTS: usize = 256;
@@ -102,7 +103,7 @@ pub struct Catalog {
 struct Configured {
     scenes: BTreeMap<String, ConfiguredScene>,
     /// Beneath which scenes find their models and pictures.
-    media_roots: Vec<PathBuf>,
+    folders: MediaFolders,
 }
 
 impl Catalog {
@@ -115,7 +116,7 @@ impl Catalog {
     }
 
     /// What `store` keeps, over the scenes of the configuration; scenes of no file find models and pictures beneath `folder`
-    /// and `media_roots`.
+    /// and those of `folders`.
     ///
     /// # Errors
     /// When the database fails.
@@ -123,7 +124,7 @@ impl Catalog {
         store: Store,
         clock: Arc<dyn Clock>,
         configured: Vec<ConfiguredScene>,
-        (folder, media_roots): (PathBuf, Vec<PathBuf>),
+        (folder, folders): (PathBuf, impl Into<MediaFolders>),
     ) -> Result<Self, CatalogError> {
         let mut newest = BTreeMap::new();
         for kind in DocumentKind::ALL {
@@ -142,7 +143,7 @@ impl Catalog {
             camera_changes: tokio::sync::Mutex::default(),
             playhead_changes: tokio::sync::Mutex::default(),
             cameras: RwLock::default(),
-            configured: RwLock::new(Configured { scenes, media_roots }),
+            configured: RwLock::new(Configured { scenes, folders: folders.into() }),
             zones,
             folder,
         })
@@ -156,7 +157,7 @@ impl Catalog {
     /// When it cannot be kept which zones are in force: nothing is changed then.
     pub async fn reconfigure<T>(
         &self,
-        (cameras, scenes, media_roots): (&[CameraSettings], Vec<ConfiguredScene>, Vec<PathBuf>),
+        (cameras, scenes, folders): (&[CameraSettings], Vec<ConfiguredScene>, MediaFolders),
         order: &[String],
         apply: impl FnOnce(Vec<CameraSettings>, &BTreeMap<CameraId, Privacy>, Vec<Arc<Scene>>) -> T,
     ) -> Result<T, CatalogError> {
@@ -166,7 +167,7 @@ impl Catalog {
         let _of_zones = self.zones.all_turns(&with_made).await;
         let zones = self.begin_privacy_in_turn(&with_made).await?;
         let scenes = scenes.into_iter().map(|of| (of.id.clone(), of)).collect();
-        *self.configured.write().unwrap_or_else(PoisonError::into_inner) = Configured { scenes, media_roots };
+        *self.configured.write().unwrap_or_else(PoisonError::into_inner) = Configured { scenes, folders };
         self.set_cameras(cameras);
         let mut cameras = self.cameras();
         for camera in &mut cameras {

@@ -67,8 +67,8 @@ impl Catalog {
         let imports = {
             let configured = self.configured();
             match configured.scenes.get(id) {
-                Some(of) => FolderImports::beside(&of.file, &configured.media_roots),
-                None => FolderImports::beneath(&self.folder, &configured.media_roots),
+                Some(of) => FolderImports::beside(&of.file, &configured.folders),
+                None => FolderImports::beneath(&self.folder, &configured.folders),
             }
         };
         Ok(scene::parse(id, document, imports.with_assets(&self.asset_folder(), instead))?)

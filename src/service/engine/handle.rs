@@ -58,6 +58,9 @@ pub struct CameraSummary {
     pub state: String,
     /// Why it is in that state, where there is something to say.
     pub reason: Option<String>,
+    /// The same for callers who do not administer the site.
+    #[serde(skip)]
+    pub public_reason: Option<String>,
     /// When that state began, by the machine's clock, RFC 3339.
     pub since: String,
     /// How often its source was opened again since the daemon started.
@@ -338,6 +341,12 @@ pub trait Door: Send + Sync {
     /// # Errors
     /// [`EngineError::NoCamera`], [`EngineError::Faults`]; [`EngineError::Unavailable`] while the daemon stops.
     fn change_feed(&self, camera: &str, change: &serde_json::Value) -> Result<FeedSettings, EngineError>;
+
+    /// Refuses callers who may not have a camera fed so: naming what feeds it is an administrator's.
+    ///
+    /// # Errors
+    /// [`EngineError::NoCamera`], [`EngineError::Forbidden`].
+    fn check_feed(&self, camera: &str, feed: &FeedSettings) -> Result<(), EngineError>;
 
     /// Has a camera fed by what the configuration's author wrote, whatever feeds it now. Blocks as [`Door::change_feed`] does.
     ///

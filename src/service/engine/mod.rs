@@ -12,6 +12,7 @@ mod chronicle;
 mod entities;
 mod error;
 mod exports;
+mod footage;
 mod forecaster;
 mod frame_cache;
 mod handle;

@@ -41,10 +41,7 @@ pub fn view_once(
     let (mut renderer, _adapter) = open_renderer(&settings.render)?;
     let limits = (limits_of(&settings.render), settings.render.samples);
     Subject::of(request, scene, Timestamp::default(), &Observations::new(), limits)?;
-    let roots = MediaRoots::new(&settings.media.roots)
-        .map_err(|error| EngineError::Request(Fault::new("/media/roots", error.to_string())))?
-        .with_networks(&settings.media.networks)
-        .with_credentials(&settings.credentials);
+    let roots = MediaRoots::of_settings(settings);
     let until = match request.at {
         At::Live => None,
         At::Time(instant) => Some(instant),

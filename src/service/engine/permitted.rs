@@ -189,6 +189,9 @@ impl Door for Permitted {
         for camera in &mut cameras {
             camera.scenes.retain(is_there);
             camera.stretched.retain(|of| is_there(&of.scene));
+            if self.grants.role() < Role::Admin {
+                camera.reason = camera.public_reason.take();
+            }
             camera.tell_stretched();
         }
         cameras
@@ -254,16 +257,26 @@ impl Door for Permitted {
 
     fn preview_feed(&self, camera: &str, change: &serde_json::Value) -> Result<FeedSettings, EngineError> {
         self.check_change(camera)?;
-        self.shared.preview_feed(camera, change)
+        let changed = self.shared.preview_feed(camera, change)?;
+        self.check_feed(camera, &changed)?;
+        Ok(changed)
     }
 
     fn change_feed(&self, camera: &str, change: &serde_json::Value) -> Result<FeedSettings, EngineError> {
-        self.check_change(camera)?;
+        self.preview_feed(camera, change)?;
         self.shared.change_feed(camera, change)
     }
 
-    fn set_feed(&self, camera: &str, feed: FeedSettings) -> Result<FeedSettings, EngineError> {
+    fn check_feed(&self, camera: &str, feed: &FeedSettings) -> Result<(), EngineError> {
         self.check_change(camera)?;
+        if feed.source.has_place_of(&self.shared.feed(camera)?.source) {
+            return Ok(());
+        }
+        self.check_role(Role::Admin, "naming what feeds a camera")
+    }
+
+    fn set_feed(&self, camera: &str, feed: FeedSettings) -> Result<FeedSettings, EngineError> {
+        self.check_feed(camera, &feed)?;
         self.shared.set_feed(camera, feed)
     }
 

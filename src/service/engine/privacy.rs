@@ -2,9 +2,11 @@
 //!
 //! Zones flow in, before cameras start and whenever they are changed. A camera's thread takes them before each frame, and
 //! its observation is kept only while they are still in force ([`CameraPrivacy::keep`]): so once a change has been made,
-//! nothing that was seen under other zones comes to memory any more, and what was there is hidden.
+//! nothing that was seen under other zones comes to memory any more, and what was there is hidden. Zones follow the footage: those of
+//! a camera hold for every other camera that is fed by the same.
 
 use super::EngineError;
+use super::footage::Footage;
 use super::sightings::Sightings;
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -12,7 +14,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError, RwLock};
 use videofields_recording::timeline::{Event, EventLog, Timeline};
 use videofields_vision::clock::Timestamp;
-use videofields_vision::config::CameraSettings;
+use videofields_vision::config::{CameraSettings, SourceSettings};
 use videofields_vision::frame::{BufferPool, CameraId, YuvImage, Zone, ZoneMask};
 use videofields_vision::observation::Observation;
 
@@ -90,19 +92,30 @@ pub(super) struct CameraPrivacy {
 
 #[derive(Debug)]
 struct State {
+    /// The zones of the camera itself.
+    own: Arc<Privacy>,
+    /// The zones in force: its own, and those of cameras that are fed by the same.
     privacy: Arc<Privacy>,
+    /// Identity of what feeds the camera.
+    footage: Option<Footage>,
     changes: u64,
 }
 
 impl CameraPrivacy {
-    fn new(privacy: Privacy) -> Self {
-        let state = State { privacy: Arc::new(privacy), changes: 0 };
+    fn new(privacy: Privacy, footage: Option<Footage>) -> Self {
+        let own = Arc::new(privacy);
+        let state = State { privacy: Arc::clone(&own), own, footage, changes: 0 };
         Self { state: Mutex::new(state), pool: BufferPool::new(1) }
     }
 
     /// What is in force.
     pub(super) fn now(&self) -> Arc<Privacy> {
         Arc::clone(&self.lock().privacy)
+    }
+
+    /// Returns the zones of the camera itself.
+    pub(super) fn own(&self) -> Arc<Privacy> {
+        Arc::clone(&self.lock().own)
     }
 
     /// What is in force, and a number that another change makes another.
@@ -157,6 +170,9 @@ impl Privacies {
         for camera in cameras {
             privacies.of_camera(camera);
         }
+        for camera in cameras {
+            privacies.join(camera.id.as_str());
+        }
         privacies
     }
 
@@ -164,16 +180,77 @@ impl Privacies {
     pub(super) fn of_camera(&self, camera: &CameraSettings) -> Arc<CameraPrivacy> {
         let mut cameras = self.cameras.write().unwrap_or_else(PoisonError::into_inner);
         let own = cameras.entry(camera.id.clone());
-        Arc::clone(own.or_insert_with(|| Arc::new(CameraPrivacy::new(Privacy::configured(camera)))))
+        let made = || Arc::new(CameraPrivacy::new(Privacy::configured(camera), Footage::of(&camera.source)));
+        Arc::clone(own.or_insert_with(made))
     }
 
     /// Those of a camera that is still to begin: what is given, or else the configuration's.
     pub(super) fn add(&self, camera: &CameraSettings, privacy: Option<Privacy>) {
         let privacy = privacy.unwrap_or_else(|| Privacy::configured(camera));
         let mut cameras = self.cameras.write().unwrap_or_else(PoisonError::into_inner);
-        cameras.insert(camera.id.clone(), Arc::new(CameraPrivacy::new(privacy)));
+        let made = CameraPrivacy::new(privacy, Footage::of(&camera.source));
+        cameras.insert(camera.id.clone(), Arc::new(made));
         drop(cameras);
+        self.join(camera.id.as_str());
         self.changes.fetch_add(1, Ordering::SeqCst);
+    }
+
+    /// Tells that a camera is fed by `source` from now on. Cameras whose zones may be others by that; the caller has
+    /// [`Self::hold`] put them in force.
+    pub(super) fn set_footage(&self, camera: &str, source: &SourceSettings) -> Vec<CameraId> {
+        let Ok(own) = self.of(camera) else { return Vec::new() };
+        let mut concerned = self.sharing(camera);
+        own.lock().footage = Footage::of(source);
+        concerned.extend(self.sharing(camera));
+        concerned.sort();
+        concerned.dedup();
+        concerned
+    }
+
+    /// Tells that a camera is taken away: its zones hold for no other any more. Cameras that it shared its footage with.
+    pub(super) fn leave(&self, camera: &str) -> Vec<CameraId> {
+        let Ok(own) = self.of(camera) else { return Vec::new() };
+        let others = self.sharing(camera);
+        own.lock().footage = None;
+        others.into_iter().filter(|other| other.as_str() != camera).collect()
+    }
+
+    /// Replaces a camera's own zones. Cameras that are fed by the same, itself among them; the caller has [`Self::hold`] put
+    /// them in force.
+    pub(super) fn set_own(&self, camera: &str, privacy: Privacy) -> Result<Vec<CameraId>, EngineError> {
+        self.of(camera)?.lock().own = Arc::new(privacy);
+        Ok(self.sharing(camera))
+    }
+
+    /// Returns the cameras that are fed by the same as `camera`, itself among them.
+    pub(super) fn sharing(&self, camera: &str) -> Vec<CameraId> {
+        let cameras = self.cameras.read().unwrap_or_else(PoisonError::into_inner).clone();
+        let of = |id: &str| cameras.iter().find(|(other, _)| other.as_str() == id).map(|(_, own)| own);
+        let footage = of(camera).and_then(|own| own.lock().footage.clone());
+        let is_same = |id: &CameraId, own: &CameraPrivacy| {
+            id.as_str() == camera || footage.is_some() && own.lock().footage == footage
+        };
+        cameras.iter().filter(|(id, own)| is_same(id, own)).map(|(id, _)| id.clone()).collect()
+    }
+
+    /// Returns the zones that hold for `camera`: its own, with those of cameras that are fed by the same.
+    fn shared(&self, camera: &str) -> Result<Privacy, EngineError> {
+        let own = self.of(camera)?.own();
+        let others = self.sharing(camera).into_iter().filter(|other| other.as_str() != camera);
+        let (mut zones, mut lifted) = (own.zones.to_vec(), own.lifted.to_vec());
+        for other in others {
+            let other = self.of(other.as_str())?.own();
+            zones.extend(other.zones.iter().filter(|zone| !own.zones.contains(zone)).cloned());
+            lifted.extend(other.lifted.iter().filter(|of| !own.lifted.contains(of)).cloned());
+        }
+        Ok(Privacy { zones: zones.into(), lifted: lifted.into(), ..(*own).clone() })
+    }
+
+    /// Puts in force what holds for a camera that has seen nothing yet.
+    fn join(&self, camera: &str) {
+        if let (Ok(own), Ok(shared)) = (self.of(camera), self.shared(camera)) {
+            own.lock().privacy = Arc::new(shared);
+        }
     }
 
     pub(super) fn of(&self, camera: &str) -> Result<Arc<CameraPrivacy>, EngineError> {
@@ -183,7 +260,8 @@ impl Privacies {
 
     /// Those of a camera that ran or runs; of one that never did, none.
     pub(super) fn of_known(&self, camera: &CameraId) -> Arc<CameraPrivacy> {
-        self.of(camera.as_str()).unwrap_or_else(|_unknown| Arc::new(CameraPrivacy::new(Privacy::default())))
+        self.of(camera.as_str())
+            .unwrap_or_else(|_unknown| Arc::new(CameraPrivacy::new(Privacy::default(), None)))
     }
 
     /// How often any camera's were changed: what was drawn while this changed may show what is hidden by now.
@@ -191,10 +269,10 @@ impl Privacies {
         self.changes.load(Ordering::SeqCst)
     }
 
-    /// Puts a camera's zones in force: from now on nothing is remembered that was seen under others, and what is remembered
-    /// is hidden, before this returns. Blocks for up to a second where memory holds much.
-    pub(super) fn hold(&self, camera: &str, privacy: Privacy, of: &Remains<'_>) -> Result<(), EngineError> {
-        let own = self.of(camera)?;
+    /// Puts the zones in force that hold for a camera by now: nothing is remembered any more that was seen under others, and
+    /// what is remembered is hidden, before this returns. Blocks for up to a second where memory holds much.
+    pub(super) fn hold(&self, camera: &str, of: &Remains<'_>) -> Result<(), EngineError> {
+        let (own, privacy) = (self.of(camera)?, self.shared(camera)?);
         let mut state = own.lock();
         let before = std::mem::replace(&mut state.privacy, Arc::new(privacy));
         let is_same = before.zones == state.privacy.zones;

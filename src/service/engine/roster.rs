@@ -70,9 +70,7 @@ pub(super) struct Allotment {
 impl Allotment {
     pub(super) fn of(settings: &Settings) -> Self {
         Self {
-            roots: MediaRoots::usable(&settings.media.roots)
-                .with_networks(&settings.media.networks)
-                .with_credentials(&settings.credentials),
+            roots: MediaRoots::of_settings(settings),
             timeline_bytes: settings.timeline.mib_per_camera as usize * 1024 * 1024,
             storage: settings.storage.clone(),
         }
@@ -180,6 +178,9 @@ impl Roster {
             tracing::info!(camera = %worker.id(), "a camera is taken away");
             self.end(worker);
         }
+        for post in before.iter().filter(is_gone) {
+            self.give_up_zones(&post.id);
+        }
         let (mut posts, mut failed) = (Vec::with_capacity(cameras.len()), Vec::new());
         for camera in cameras {
             let known = before.iter().find(|post| post.id == camera.id).cloned();
@@ -200,7 +201,26 @@ impl Roster {
             posts.push(post);
         }
         self.set_posts(posts);
+        for camera in cameras {
+            self.share_zones(&camera.id);
+        }
         failed
+    }
+
+    /// Has a camera's zones hold for those that are fed by the same.
+    fn share_zones(&self, camera: &CameraId) {
+        let concerned = self.surroundings.privacies.sharing(camera.as_str());
+        if let Err(error) = self.hold_zones_of(&concerned, "") {
+            tracing::error!(%camera, %error, "privacy zones are not put in force for cameras that are fed by the same");
+        }
+    }
+
+    /// Has the zones of a camera that is taken away hold for no other.
+    fn give_up_zones(&self, camera: &CameraId) {
+        let concerned = self.surroundings.privacies.leave(camera.as_str());
+        if let Err(error) = self.hold_zones_of(&concerned, camera.as_str()) {
+            tracing::error!(%camera, %error, "a camera's privacy zones are not given up for others");
+        }
     }
 
     /// Has one camera run with these settings, and these zones where they are given: one that is there, or another. All stand in
@@ -224,6 +244,7 @@ impl Roster {
                 let place = |post: &Arc<Post>| order.iter().position(|id| *id == post.id);
                 posts.sort_by_key(|post| place(post).unwrap_or(usize::MAX));
                 self.set_posts(posts);
+                self.share_zones(&camera.id);
                 begun
             }
         };
@@ -244,6 +265,7 @@ impl Roster {
         let mut posts = self.posts();
         posts.retain(|post| post.id.as_str() != camera);
         self.set_posts(posts);
+        self.give_up_zones(&post.id);
         Ok(())
     }
 
@@ -375,7 +397,10 @@ impl Roster {
         if let Some(worker) = held.worker.take() {
             self.end(worker);
         }
+        let concerned = self.surroundings.privacies.set_footage(post.id.as_str(), &settings.source);
         self.hold_zones(post, zones)?;
+        self.surroundings.hold_zones(post)?;
+        self.hold_zones_of(&concerned, post.id.as_str())?;
         post.sightings.clear();
         let elsewhere =
             if before.source.place() == settings.source.place() { Elsewhere::No } else { Elsewhere::Yes };
@@ -398,15 +423,21 @@ impl Roster {
         self.hold_zones(&*self.post(camera)?, Some(privacy))
     }
 
+    /// Puts a camera's own zones in force, for every camera that is fed by the same.
     fn hold_zones(&self, post: &Post, zones: Option<Privacy>) -> Result<(), EngineError> {
         let Some(privacy) = zones else { return Ok(()) };
-        let camera = post.id.as_str();
-        let n_zones = privacy.zones.len();
-        let Surroundings { privacies, events, .. } = &self.surroundings;
-        let remains = Remains { timeline: &post.timeline, sightings: &post.sightings, events };
-        privacies.hold(camera, privacy, &remains)?;
+        let (camera, n_zones) = (post.id.as_str(), privacy.zones.len());
+        let concerned = self.surroundings.privacies.set_own(camera, privacy)?;
+        self.surroundings.hold_zones(post)?;
         self.surroundings.tell_zones(camera, n_zones);
-        Ok(())
+        self.hold_zones_of(&concerned, camera)
+    }
+
+    /// Puts the zones in force that hold for these cameras by now, but for the one that is `done`.
+    fn hold_zones_of(&self, cameras: &[CameraId], done: &str) -> Result<(), EngineError> {
+        let posts = self.posts();
+        let is_concerned = |post: &&Arc<Post>| cameras.contains(&post.id) && post.id.as_str() != done;
+        posts.iter().filter(is_concerned).try_for_each(|post| self.surroundings.hold_zones(post))
     }
 
     /// Where a camera saw things stand lately.
@@ -609,6 +640,13 @@ impl Surroundings {
 
     fn tracks(&self, camera: &CameraId) -> Tracks {
         Tracks::new(camera.clone(), self.store.clone(), self.runtime.clone())
+    }
+
+    /// Puts the zones in force that hold for a camera by now, and hides what memory has of it.
+    fn hold_zones(&self, post: &Post) -> Result<(), EngineError> {
+        let Self { privacies, events, .. } = self;
+        let remains = Remains { timeline: &post.timeline, sightings: &post.sightings, events };
+        privacies.hold(post.id.as_str(), &remains)
     }
 
     /// Waits for a camera's thread until the monotonic clock says `until`, then leaves it.

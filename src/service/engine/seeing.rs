@@ -263,6 +263,7 @@ mod tests {
                 name: id.to_owned(),
                 state: state.to_owned(),
                 reason: None,
+                public_reason: None,
                 since: String::new(),
                 retries: 0,
                 next_try: None,

@@ -58,7 +58,7 @@ impl CameraEntry {
         match error {
             TimelineError::Empty => {
                 let status = self.status.read();
-                let reason = status.reason.map(|reason| format!(": {reason}")).unwrap_or_default();
+                let reason = status.public_reason.map(|reason| format!(": {reason}")).unwrap_or_default();
                 EngineError::NoFrame { camera, state: format!("{}{reason}", status.state.as_str()) }
             }
             TimelineError::Gap { at, before, after } => {

@@ -11,6 +11,7 @@ use super::stage_choice::StageChoice;
 use super::storage::StorageSettings;
 use super::telling::{LogSettings, TelemetrySettings};
 use crate::frame::{CameraId, Zone};
+use crate::private_files::{MediaFolders, PrivateFiles};
 use serde::de::{self, Deserializer};
 use serde::{Deserialize, Serialize};
 use std::f64::consts::PI;
@@ -49,6 +50,23 @@ pub struct Settings {
     pub scene: Vec<SceneSettings>,
     /// Snapshots that the daemon makes by itself; ids are unique; at most 64.
     pub snapshot: Vec<SnapshotScheduleSettings>,
+}
+
+impl Settings {
+    /// Returns the files that the daemon keeps for itself by these settings.
+    #[must_use]
+    pub fn private_files(&self) -> PrivateFiles {
+        let mut folders = vec![self.storage.snapshot_folder.clone()];
+        folders.extend(self.archive.is_on().then(|| self.archive.folder.clone()));
+        folders.retain(|folder| !folder.as_os_str().is_empty());
+        PrivateFiles::new(folders, Some(self.storage.database.clone()))
+    }
+
+    /// Returns the folders beneath which scenes' files and cameras' sources may lie.
+    #[must_use]
+    pub fn media_folders(&self) -> MediaFolders {
+        MediaFolders { roots: self.media.roots.clone(), private: self.private_files() }
+    }
 }
 
 /// The HTTP server.
@@ -95,8 +113,9 @@ impl ServerSettings {
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct MediaSettings {
-    /// Folders beneath which file sources may open files (symbolic links resolved first). Default: the
-    /// configuration file's own folder. 1 to 64 of them.
+    /// Folders beneath which file sources may open files (symbolic links resolved first). What the daemon keeps itself
+    /// (recordings, exports, snapshots, databases) is never opened, wherever it lies. Default: the folder `media` beside the
+    /// configuration file. 1 to 64 of them.
     pub roots: Vec<PathBuf>,
     /// Blocks of addresses at which cameras may be reached, at most 64. 169.254.169.254 and `fd00:ec2::254`, where clouds
     /// tell a machine its own keys, are reached only where they are named alone. Default: private, loopback and
@@ -106,7 +125,7 @@ pub struct MediaSettings {
 
 impl Default for MediaSettings {
     fn default() -> Self {
-        Self { roots: vec![PathBuf::from(".")], networks: network::usual() }
+        Self { roots: vec![PathBuf::from("media")], networks: network::usual() }
     }
 }
 

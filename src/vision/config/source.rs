@@ -107,6 +107,18 @@ impl SourceSettings {
         Self { path: Some(path.into()), ..Self::default() }
     }
 
+    /// Returns true where `other` names the same file, camera or device, and the same login.
+    #[must_use]
+    pub fn has_place_of(&self, other: &Self) -> bool {
+        let named = |of: &Self| {
+            let place = (of.path.clone(), of.url.clone(), of.device.clone());
+            let login =
+                (of.user.clone(), of.password_file.clone(), of.password_env.clone(), of.credentials.clone());
+            (place, login)
+        };
+        named(self) == named(other)
+    }
+
     /// The one place that is named; `None` where there are none or several, which validation refuses.
     #[must_use]
     pub fn place(&self) -> Option<Place<'_>> {

@@ -118,6 +118,7 @@ fn summary(camera: &str, state: &str, reason: Option<&str>) -> CameraSummary {
         name: camera.to_uppercase(),
         state: state.to_owned(),
         reason: reason.map(str::to_owned),
+        public_reason: reason.map(str::to_owned),
         since: LAST.to_string(),
         retries: 2,
         next_try: reason.map(|_| LAST.to_string()),
@@ -490,6 +491,10 @@ impl Door for FakeDoor {
 
     fn preview_feed(&self, camera: &str, change: &serde_json::Value) -> Result<FeedSettings, EngineError> {
         self.feed(camera)?.changed(change).map_err(EngineError::Faults)
+    }
+
+    fn check_feed(&self, camera: &str, _feed: &FeedSettings) -> Result<(), EngineError> {
+        Self::has_camera(camera)
     }
 
     fn set_feed(&self, camera: &str, feed: FeedSettings) -> Result<FeedSettings, EngineError> {

@@ -117,10 +117,17 @@ fn its_faults_are_found(folder: &Path) {
     write("faulty.toml", &good.replace("plaza.json", "broken.json"));
     check_refused(folder, &["check-config", "world/faulty.toml"], 1, "broken.json: /ground/0");
     write("note.webm", "this is no video");
-    write("absent.toml", &good.replace("clips/west.webm", "note.webm").replace("\"north\"", "\"south\""));
+    write(
+        "absent.toml",
+        &good
+            .replace("clips/west.webm", "note.webm")
+            .replace("\"clips\"", "\".\"")
+            .replace("\"north\"", "\"south\""),
+    );
     let warned = succeed(folder, &["check-config", "world/absent.toml"]).stderr;
     assert!(warned.contains("warning: camera west: ") && warned.contains("note.webm"), "{warned}");
     assert!(warned.contains("warning: scene plaza: camera north is not configured"), "{warned}");
+    assert!(warned.contains("beneath the media root"), "{warned}");
 
     // The camera was calibrated with pictures of another shape.
     let mut scene: Value =

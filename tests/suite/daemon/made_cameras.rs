@@ -13,7 +13,7 @@ const NEW: &str = "if-none-match: *";
 fn nothing(folder: &Path) -> PathBuf {
     let demo = super::demo(folder);
     let config = folder.join("nothing.toml");
-    std::fs::write(&config, "[storage]\ndatabase = \"kept.sqlite\"\n").unwrap();
+    std::fs::write(&config, "[storage]\ndatabase = \"kept.sqlite\"\n[media]\nroots = [\".\"]\n").unwrap();
     std::fs::remove_file(demo).unwrap();
     config
 }

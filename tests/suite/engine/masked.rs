@@ -15,7 +15,7 @@ use tokio_tungstenite::tungstenite::Message;
 use videofields_picture::scene;
 use videofields_service::engine::view_once;
 use videofields_vision::clock::{Clock, SystemClock};
-use videofields_vision::config::{CameraSettings, Config, End, Settings};
+use videofields_vision::config::{CameraSettings, Config, End, MediaSettings, Settings};
 use videofields_vision::encode::{ForegroundMessage, read_foreground};
 
 const WHOLE: [[f64; 2]; 4] = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]];
@@ -240,7 +240,8 @@ fn a_picture_without_a_daemon_hides_what_the_configuration_hides() {
         };
         let north = camera("north", pictures(folder.path(), "north", 0..20), End::Stop);
         let south = CameraSettings { privacy_zones: zones.to_vec(), ..camera("south", south, End::Stop) };
-        let settings = Settings { camera: vec![north, south], ..Settings::default() };
+        let media = MediaSettings { roots: vec![folder.path().to_owned()], ..MediaSettings::default() };
+        let settings = Settings { camera: vec![north, south], media, ..Settings::default() };
         let config = Config::from_settings(settings, folder.path()).unwrap();
         view_once(&config, &scene, &request("yard", at(FRAME_NANOS * 12)), &*clock).unwrap().image
     };

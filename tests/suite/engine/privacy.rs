@@ -285,12 +285,14 @@ fn zones_of_a_configuration_that_is_read_again_hold_before_its_sources_are_chang
     let followed = bench.runtime.block_on(async {
         let catalog = Catalog::open(bench.store.clone(), clock, Vec::new(), folders).await.unwrap();
         catalog.begin_privacy(&[camera("north", "north", End::Loop)]).await.unwrap();
-        let applied = catalog.reconfigure((&again, Vec::new(), Vec::new()), &[], |cameras, zones, _| {
-            let zones_of = |camera: &CameraSettings| zones[&camera.id].zones.len();
-            let failed = tokio::task::block_in_place(|| reloader.apply_cameras(&cameras, zones, &settings));
-            assert!(failed.is_empty(), "{failed:?}");
-            again.iter().map(zones_of).collect::<Vec<_>>()
-        });
+        let applied =
+            catalog.reconfigure((&again, Vec::new(), Vec::new().into()), &[], |cameras, zones, _| {
+                let zones_of = |camera: &CameraSettings| zones[&camera.id].zones.len();
+                let failed =
+                    tokio::task::block_in_place(|| reloader.apply_cameras(&cameras, zones, &settings));
+                assert!(failed.is_empty(), "{failed:?}");
+                again.iter().map(zones_of).collect::<Vec<_>>()
+            });
         applied.await.unwrap()
     });
     assert_eq!(followed, [1, 0]);

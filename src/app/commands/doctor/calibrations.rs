@@ -11,7 +11,7 @@ const SUBJECT: &str = "calibrations";
 
 pub(super) fn look(config: &Config) -> Vec<Line> {
     let settings = config.settings();
-    let roots = MediaRoots::usable(&settings.media.roots);
+    let roots = MediaRoots::of_settings(settings);
     let scenes = scenes(settings);
     let is_file = |camera: &&CameraSettings| camera.source.path.is_some();
     let found: Vec<Vec<Line>> = settings
@@ -30,8 +30,8 @@ pub(super) fn look(config: &Config) -> Vec<Line> {
 
 /// Returns the scenes of the configuration that can be read; `check-config` tells of the others.
 fn scenes(settings: &Settings) -> Vec<Scene> {
-    let roots = &settings.media.roots;
-    let load = |of: &SceneSettings| scene::load_file(&of.id, &of.file, roots).ok();
+    let folders = settings.media_folders();
+    let load = |of: &SceneSettings| scene::load_file(&of.id, &of.file, &folders).ok();
     settings.scene.iter().filter_map(load).map(|parsed| parsed.scene).collect()
 }
 

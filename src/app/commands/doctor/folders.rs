@@ -5,6 +5,7 @@ use rustix::fs::{Access, access, statvfs};
 use std::path::Path;
 use videofields_recording::store::{file_system_of, is_network_file_system};
 use videofields_vision::config::Config;
+use videofields_vision::private_files::Overlap;
 
 /// MiB that the database's disk should have left.
 const DATABASE_MIB: u64 = 1024;
@@ -22,7 +23,13 @@ pub(super) fn look(config: &Config) -> Vec<Line> {
     if !snapshots.as_os_str().is_empty() {
         lines.push(kept("snapshots", snapshots, u64::from(settings.storage.snapshot_min_free_mib)));
     }
-    lines.extend(settings.media.roots.iter().map(|root| media(root)));
+    let folders = settings.media_folders();
+    lines.extend(folders.roots.iter().map(|root| media(root)));
+    let warning = |overlap: Overlap<'_>| {
+        Line::warning("folders", format!("media in {}", overlap.root.display()), overlap.to_string())
+            .do_this("name a folder in `media.roots` that holds media alone")
+    };
+    lines.extend(folders.overlaps().map(warning));
     lines.extend(settings.scene.iter().map(|scene| scene_file(&scene.id, &scene.file)));
     lines
 }

@@ -61,6 +61,7 @@ impl Shared {
                 name: camera.name.clone(),
                 state: status.state.as_str().to_owned(),
                 reason: status.reason,
+                public_reason: status.public_reason,
                 since: status.since.to_string(),
                 retries: status.retries,
                 next_try: status.next_try.map(|at| at.to_string()),
@@ -74,7 +75,7 @@ impl Shared {
                 first: range.map(|(first, _)| first.to_string()),
                 last: range.map(|(_, last)| last.to_string()),
                 age_secs: status.last_frame_at.map(|at| now.saturating_sub(at).as_secs_f64()),
-                privacy: self.privacies.of_known(&camera.id).now().summary(),
+                privacy: self.privacies.of_known(&camera.id).own().summary(),
                 scenes: scenes.iter().filter(holds).map(|scene| scene.id.clone()).collect(),
                 stretched: status
                     .size
@@ -216,6 +217,10 @@ impl Door for Shared {
         self.running(camera)?.change_feed(camera, change)
     }
 
+    fn check_feed(&self, camera: &str, _feed: &FeedSettings) -> Result<(), EngineError> {
+        self.feed(camera).map(|_feed| ())
+    }
+
     fn set_feed(&self, camera: &str, feed: FeedSettings) -> Result<FeedSettings, EngineError> {
         self.running(camera)?.set_feed(camera, feed)
     }
@@ -250,7 +255,7 @@ impl Door for Shared {
     }
 
     fn privacy(&self, camera: &str) -> Result<Arc<Privacy>, EngineError> {
-        Ok(self.privacies.of(camera)?.now())
+        Ok(self.privacies.of(camera)?.own())
     }
 
     fn hidden(&self, camera: &str, at: At) -> Result<Vec<Vec<[f64; 2]>>, EngineError> {

@@ -1,0 +1,132 @@
+//! Sources: administrators name them, others learn nothing of where they lie, and zones hold wherever the same footage is shown.
+
+use super::privacy::{RIGHT, hides, zone};
+use super::rights::grants;
+use super::{Bench, camera, pictures, wait_for};
+use serde_json::json;
+use std::path::Path;
+use videofields_service::engine::{At, EngineError, Handle, Privacy};
+use videofields_vision::access::{Right, Role};
+use videofields_vision::config::{CameraUrl, End, Settings, SourceSettings};
+use videofields_vision::frame::Zone;
+
+const OFFER: [Right; 3] = [Right::Live, Right::History, Right::Manage];
+
+fn operator(bench: &Bench) -> Handle {
+    bench.handle.within(grants(Role::Operator, &[], &[("north", &OFFER), ("south", &OFFER)]))
+}
+
+#[test]
+fn who_may_manage_a_camera_may_not_name_what_feeds_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let [own, other] = ["north", "gate"].map(|name| pictures(folder.path(), name, 0..6));
+    let cameras = vec![camera("north", &own, End::Loop), camera("gate", &other, End::Loop)];
+    let bench = Bench::start(folder.path(), Settings { camera: cameras, ..Settings::default() }, &[]);
+    let (admin, operator) = (&bench.handle, operator(&bench));
+    let before = admin.feed("north").unwrap();
+    for source in [
+        json!({"path": other}),
+        json!({"path": folder.path().join("test.sqlite")}),
+        json!({"path": null, "url": "rtsp://127.0.0.1:22/", "from_secs": null, "end": null, "pace": null, "start": null, "rate_hz": null}),
+        json!({"path": null, "device": "/dev/video0", "from_secs": null, "end": null, "pace": null, "start": null}),
+    ] {
+        let asked = json!({"source": source});
+        for refused in [operator.preview_feed("north", &asked), operator.change_feed("north", &asked)] {
+            let refused = refused.unwrap_err();
+            let EngineError::Forbidden(message) = &refused else { panic!("{asked}: {refused}") };
+            assert!(message.contains("admin"), "{message}");
+        }
+    }
+    let elsewhere = admin.preview_feed("north", &json!({"source": {"path": other}})).unwrap();
+    assert!(matches!(operator.set_feed("north", elsewhere.clone()), Err(EngineError::Forbidden(_))));
+    assert!(matches!(operator.check_feed("gate", &before), Err(EngineError::NoCamera { .. })));
+    assert_eq!(admin.feed("north").unwrap(), before);
+    // All else of it is the operator's.
+    for asked in [json!({"enabled": false}), json!({"enabled": true, "source": {"end": "stop", "path": own}})]
+    {
+        operator.change_feed("north", &asked).unwrap();
+    }
+    assert_eq!(admin.set_feed("north", elsewhere.clone()).unwrap(), elsewhere);
+    bench.stop();
+}
+
+#[test]
+fn addresses_and_what_answers_there_are_told_to_administrators_alone() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut south = camera("south", "none", End::Loop);
+    south.source =
+        SourceSettings { url: Some(CameraUrl::new("rtsp://127.0.0.1:9/live")), ..SourceSettings::default() };
+    let north = camera("north", folder.path().join("hidden-name.webm"), End::Loop);
+    let settings = Settings { camera: vec![north, south], ..Settings::default() };
+    let bench = Bench::start(folder.path(), settings, &[]);
+    let operator = operator(&bench);
+    for (id, address, told) in [
+        ("south", "127.0.0.1:9", "it cannot be connected"),
+        ("north", "hidden-name", "its file cannot be played"),
+    ] {
+        let reason = bench.wait_for_state(id, "failed").reason.unwrap();
+        assert!(reason.contains(address), "{reason}");
+        let told_of = |camera: &str| {
+            operator
+                .cameras()
+                .into_iter()
+                .find(|of| of.id.as_str() == camera)
+                .and_then(|of| of.reason)
+                .unwrap()
+        };
+        assert_eq!(told_of(id), format!("{told}; administrators see more"));
+        let missing = operator.observation(id, At::Live).unwrap_err().to_string();
+        assert!(missing.contains(told) && !missing.contains(address), "{missing}");
+    }
+    bench.stop();
+}
+
+fn garden() -> Zone {
+    zone("garden", &RIGHT)
+}
+
+/// Returns true where the garden of a camera's newest picture is hidden.
+fn is_hidden(bench: &Bench, camera: &str) -> bool {
+    hides(&bench.handle.observation(camera, At::Live).unwrap().frame.image, &garden())
+}
+
+#[test]
+fn zones_hold_wherever_the_same_footage_is_shown() {
+    let folder = tempfile::tempdir().unwrap();
+    let place = |name: &str| pictures(folder.path(), name, 0..6);
+    let (own, other) = (place("north"), place("other"));
+    std::os::unix::fs::symlink(folder.path().join("north"), folder.path().join("link")).unwrap();
+    let again = folder.path().join("link/in%04d.png");
+    let cameras = [("north", &own), ("south", &again), ("other", &other)];
+    let camera = cameras.map(|(id, path): (&str, &std::path::PathBuf)| camera(id, path, End::Loop)).to_vec();
+    let bench = Bench::start(folder.path(), Settings { camera, ..Settings::default() }, &[]);
+    let door = &bench.handle;
+    for id in ["north", "south", "other"] {
+        bench.wait_for_state(id, "live");
+        assert!(!is_hidden(&bench, id), "{id}");
+    }
+    let held = Privacy { zones: vec![garden()].into(), version: 1, ..Privacy::default() };
+    door.hold_privacy("north", held).unwrap();
+    // From the moment on at which the change is acknowledged, in memory too.
+    assert!(is_hidden(&bench, "north") && is_hidden(&bench, "south") && !is_hidden(&bench, "other"));
+    assert_eq!(door.hidden("south", At::Live).unwrap().len(), 1);
+    assert_eq!((door.privacy("south").unwrap().zones.len(), bench.summary("south").privacy.zones), (0, 0));
+
+    let feed = |id: &str, path: &Path| door.change_feed(id, &json!({"source": {"path": path}})).unwrap();
+    let until = |id: &str, expected: bool| {
+        wait_for(&format!("{id} to be hidden: {expected}"), || {
+            (is_hidden(&bench, id) == expected).then_some(())
+        });
+    };
+    feed("other", &own);
+    assert_eq!(door.hidden("other", At::Live).unwrap().len(), 1, "before its first frame");
+    until("other", true);
+    feed("south", &other);
+    assert!(door.hidden("south", At::Live).unwrap().is_empty());
+    until("south", false);
+
+    door.hold_privacy("north", Privacy::default()).unwrap();
+    until("north", false);
+    until("other", false);
+    bench.stop();
+}
