@@ -40,7 +40,7 @@ pub(super) fn routes() -> Routes {
         .parameters(PAGES)
         .answers(Answer::page("The exports", schema::system::exports()));
     let ask = Operation::new("ask_export", "Asks for clips of what was recorded")
-        .about("One is made after the other; 16 may wait.")
+        .about("One is made after the other, users in turn; 16 may wait, of one user as many as leave places to others.")
         .once()
         .role(Role::Operator)
         .right(Right::Export)
@@ -56,6 +56,7 @@ pub(super) fn routes() -> Routes {
         schema::named("Export"),
     ));
     let remove = Operation::new("remove_export", "Takes an export back, or removes it")
+        .about("Operators remove those that they asked for.")
         .role(Role::Operator)
         .right(Right::Export)
         .answers(Answer::nothing(204, "It is gone"));
@@ -139,7 +140,8 @@ pub(super) async fn remove(
 ) -> Result<Response, Problem> {
     Query::parse(raw.as_deref(), NONE).finish(Some(()))?;
     refuse_foreign(&api.site, &headers)?;
-    let removed = api.ask("removing an export", move |door| door.remove_export(&id)).await;
+    let by = api.identity.caller.user.clone();
+    let removed = api.ask("removing an export", move |door| door.remove_export(&id, by.as_deref())).await;
     removed.map_err(|error| problem_of(&api, error))?;
     Ok((StatusCode::NO_CONTENT, NO_STORE).into_response())
 }

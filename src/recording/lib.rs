@@ -12,6 +12,8 @@ pub mod store;
 
 pub mod accounts;
 
+pub mod share;
+
 pub mod archive;
 
 pub mod timeline;

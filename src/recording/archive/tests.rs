@@ -66,7 +66,7 @@ pub(super) struct Stage {
     place: tempfile::TempDir,
     pub(super) clock: Arc<SimulatedClock>,
     pub(super) settings: ArchiveSettings,
-    store: Store,
+    pub(super) store: Store,
     metrics: Arc<Metrics>,
 }
 

@@ -13,7 +13,8 @@ use videofields_recording::archive::{
     Archive, ArchiveError, ExportCamera, ExportFile, ExportRequest, ExportStatus, Exports, Manifest,
     Redrawing,
 };
-use videofields_vision::access::{Grants, Right};
+use videofields_recording::share::{Bound, GREED};
+use videofields_vision::access::{Grants, Right, Role};
 use videofields_vision::calibrate::CameraDocument;
 use videofields_vision::clock::Timestamp;
 use videofields_vision::error::{ErrorKind, Fault, Gatherer};
@@ -140,10 +141,14 @@ impl Shared {
             Ok::<_, EngineError>(ExportCamera { redrawing, ..self.exported_camera(camera)? })
         };
         let cameras = cameras.iter().map(exported).collect::<Result<_, _>>()?;
-        let request = ExportRequest { cameras, from, to, note, asked_by: by.map(str::to_owned) };
+        let is_limited = by.is_some() && grants.role() < Role::Admin;
+        let bound = if is_limited { Bound::Free(GREED) } else { Bound::All };
+        let request = ExportRequest { cameras, from, to, note, asked_by: by.map(str::to_owned), bound };
         let asked = self.archive()?.export(request).map_err(|error| failure(&error))?;
         asked.ok_or_else(|| {
-            EngineError::Unavailable("too many exports wait already, or the archive is not ready".to_owned())
+            let message =
+                "too many exports wait already, or as many of yours as may, or the archive is not ready";
+            EngineError::Unavailable(message.to_owned())
         })
     }
 

@@ -628,11 +628,12 @@ pub trait Door: Send + Sync {
     /// Every export, in the order in which they were asked for.
     fn exports(&self) -> Vec<ExportStatus>;
 
-    /// Takes an export back or removes it, however far it is. Blocks for the disk.
+    /// Takes an export back or removes it, however far it is, in the name of that user. Blocks for the disk.
     ///
     /// # Errors
-    /// [`EngineError::NoExport`]; [`EngineError::Unavailable`] where its files cannot be removed.
-    fn remove_export(&self, id: &str) -> Result<(), EngineError>;
+    /// [`EngineError::NoExport`]; [`EngineError::Forbidden`] for all but admins where another asked for it;
+    /// [`EngineError::Unavailable`] where its files cannot be removed.
+    fn remove_export(&self, id: &str, by: Option<&str>) -> Result<(), EngineError>;
 
     /// A file of an export that is done, opened for reading.
     ///

@@ -162,10 +162,11 @@ impl Permitted {
         export.cameras.iter().all(|camera| self.grants.has(camera, Right::Export))
     }
 
-    fn export(&self, id: &str) -> Result<(), EngineError> {
+    fn export(&self, id: &str) -> Result<ExportStatus, EngineError> {
         let found = self.shared.exports().into_iter().find(|export| export.id == id);
-        let is_seen = found.is_some_and(|export| self.sees_export(&export));
-        is_seen.then_some(()).ok_or_else(|| EngineError::NoExport { id: id.to_owned() })
+        found
+            .filter(|export| self.sees_export(export))
+            .ok_or_else(|| EngineError::NoExport { id: id.to_owned() })
     }
 }
 
@@ -522,10 +523,13 @@ impl Door for Permitted {
         self.shared.exports().into_iter().filter(|export| self.sees_export(export)).collect()
     }
 
-    fn remove_export(&self, id: &str) -> Result<(), EngineError> {
-        self.export(id)?;
+    fn remove_export(&self, id: &str, by: Option<&str>) -> Result<(), EngineError> {
+        let export = self.export(id)?;
         self.check_role(Role::Operator, "removing an export")?;
-        self.shared.remove_export(id)
+        if by.is_none() || export.asked_by.as_deref() != by {
+            self.check_role(Role::Admin, "removing an export that another asked for")?;
+        }
+        self.shared.remove_export(id, by)
     }
 
     fn export_file(&self, id: &str, file: &str) -> Result<(File, ExportFile), EngineError> {

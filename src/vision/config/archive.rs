@@ -19,7 +19,7 @@ pub struct ArchiveSettings {
     pub max_age_days: f64,
     /// MiB of the disk that are left free, 0 to 1073741824: with less, recording pauses. Default 1024.
     pub min_free_mib: u32,
-    /// Most GiB of all exported clips together, 0.01 to 1048576; the oldest go first. Default 10.
+    /// Most GiB of all exported clips together, 0.01 to 1048576. Users share it: each one's own oldest go first. Default 10.
     pub export_gib: f64,
     /// Days after which exported clips go, 0.001 to 36500. Default 7.
     pub export_days: f64,

@@ -432,7 +432,7 @@ impl Door for FakeDoor {
         self.0.lock().unwrap().exports.clone()
     }
 
-    fn remove_export(&self, id: &str) -> Result<(), EngineError> {
+    fn remove_export(&self, id: &str, _by: Option<&str>) -> Result<(), EngineError> {
         let mut state = self.0.lock().unwrap();
         let n_before = state.exports.len();
         state.exports.retain(|export| export.id != id);

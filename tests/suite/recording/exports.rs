@@ -4,10 +4,12 @@ use super::{FRAME_NANOS, Numbered, RATE_HZ, Running, START, film, number_of, sta
 use crate::engine::pictures;
 use serde_json::json;
 use std::path::Path;
+use std::sync::Arc;
 use std::time::Duration;
 use videofields_recording::archive::{ExportState, Manifest};
 use videofields_recording::media::{Decoder, Input, descriptor_path};
 use videofields_service::engine::EngineError;
+use videofields_vision::access::{Grants, Rights, Role};
 
 /// The numbers that are burned into a file's pictures, and their times in it.
 pub(super) fn numbers(path: &Path) -> Vec<(u64, i64)> {
@@ -43,7 +45,7 @@ fn a_stretch_is_exported_and_previewed_while_the_daemon_runs() {
     let at = |number: i64| START.saturating_add_nanos(number * FRAME_NANOS);
     let asked =
         json!({"scene": "yard", "from": at(50).to_string(), "to": at(120).to_string(), "note": "case 7"});
-    let asked = running.handle.ask_export(asked, None).unwrap();
+    let asked = running.handle.ask_export(asked, Some("ann")).unwrap();
     let done = wait_for("the export", || {
         let status = running.handle.exports().into_iter().find(|status| status.id == asked.id).unwrap();
         assert_ne!(status.state, ExportState::Failed, "{status:?}");
@@ -63,7 +65,14 @@ fn a_stretch_is_exported_and_previewed_while_the_daemon_runs() {
     assert_eq!(seen[..75], expected);
     let refused = running.handle.export_file(&done.id, "../v.sqlite").unwrap_err();
     assert!(matches!(refused, EngineError::NoExportFile { .. }));
-    running.handle.remove_export(&done.id).unwrap();
+    // Operators remove their own alone.
+    let operator = Arc::new(Grants::new(Role::Operator, Rights::ALL, [].into()));
+    let operators = running.handle.within(operator);
+    for user in [Some("eve"), None] {
+        let refused = operators.remove_export(&done.id, user).unwrap_err();
+        assert!(matches!(refused, EngineError::Forbidden(_)), "{refused:?}");
+    }
+    operators.remove_export(&done.id, Some("ann")).unwrap();
     assert_eq!(running.handle.exports(), []);
 
     // A preview is near enough, and says when it was seen.

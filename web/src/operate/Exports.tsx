@@ -9,7 +9,7 @@ import { say, sayWord } from "../strings";
 import { bytes, clock, duration } from "../units";
 import * as clockwork from "./clockwork";
 import { instant, millisOf, typed } from "./moments";
-import { allowed } from "./rights";
+import { allowed, mayRemove } from "./rights";
 import { explained } from "./Snapshots";
 import * as state from "./state";
 
@@ -132,12 +132,14 @@ function Row({ one }: { one: Export }) {
           ))}
         </ul>
       )}
-      <span class="pair">
-        {isSure || !isOver
-          ? <button type="button" class={isOver ? "is-bad" : ""} onClick={() => void remove()}>{say(isOver ? "export.remove.do" : "export.cancel")}</button>
-          : <button type="button" onClick={() => setSure(true)}>{say("export.remove")}</button>}
-        {isSure && <button type="button" onClick={() => setSure(false)}>{say("answer.cancel")}</button>}
-      </span>
+      {mayRemove(one) && (
+        <span class="pair">
+          {isSure || !isOver
+            ? <button type="button" class={isOver ? "is-bad" : ""} onClick={() => void remove()}>{say(isOver ? "export.remove.do" : "export.cancel")}</button>
+            : <button type="button" onClick={() => setSure(true)}>{say("export.remove")}</button>}
+          {isSure && <button type="button" onClick={() => setSure(false)}>{say("answer.cancel")}</button>}
+        </span>
+      )}
       {failure !== null && <p class="reason" role="alert">{failure}</p>}
     </li>
   );

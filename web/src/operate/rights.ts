@@ -40,6 +40,12 @@ export function isOperator(): boolean {
   return session.value?.role === "operator" || session.value?.role === "admin";
 }
 
+/** Whether the caller may take an export back or remove it: operators their own, admins any. */
+export function mayRemove(one: { readonly asked_by: string | null }): boolean {
+  const who = session.value;
+  return who?.role === "admin" || (isOperator() && one.asked_by !== null && one.asked_by === who?.user);
+}
+
 /** Those cameras of the scene of which the caller may do that. A scene may name some that the daemon does not have. */
 export function allowed(right: Right): string[] {
   const known = configured.value;

@@ -4,7 +4,9 @@ use super::folder::{ExportsFolder, Finished};
 use super::manifest;
 use super::{ExportRequest, Manifest};
 use crate::archive::ArchiveError;
+use crate::share::{Bound, GREED, Room};
 use serde::Serialize;
+use std::collections::{BTreeMap, HashMap};
 use std::fs::File;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
@@ -12,13 +14,13 @@ use std::time::Duration;
 use videofields_vision::clock::Timestamp;
 
 /// Exports that may wait.
-const MAX_WAITING: usize = 16;
+const MAX_WAITING: u64 = 16;
 
 /// Exports that came to nothing and are told of, the newest.
 const MAX_FAILED: usize = 32;
 
 /// Exports that are kept, whatever their size.
-pub(super) const MAX_DONE: usize = 500;
+const MAX_DONE: u64 = 500;
 
 /// How far an export is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
@@ -94,6 +96,9 @@ struct Entries {
     folder: Option<Arc<ExportsFolder>>,
     /// In the order in which they were asked for.
     all: Vec<Entry>,
+    /// The turn in which each user's was made last, of users who have any; the next is made of whoever waited longest.
+    turns: HashMap<Option<String>, u64>,
+    n_turns: u64,
 }
 
 #[derive(Debug)]
@@ -152,17 +157,17 @@ impl Exports {
         self.has_ended.load(Ordering::Relaxed)
     }
 
-    /// Asks for an export; none where too many wait already, or the folder could not be used yet.
+    /// Asks for an export; none where too many wait already, or as many of the user as leave places to others, or the folder
+    /// could not be used yet.
     pub(in crate::archive) fn ask(
         &self,
         request: ExportRequest,
         now: Timestamp,
     ) -> Result<Option<ExportStatus>, ArchiveError> {
-        let is_waiting = |entry: &&Entry| entry.status.state == ExportState::Waiting;
         let _asking = self.asking.lock().unwrap_or_else(PoisonError::into_inner);
         let (folder, taken) = {
             let entries = self.lock();
-            let has_room = entries.all.iter().filter(is_waiting).count() < MAX_WAITING;
+            let has_room = entries.has_place(request.asked_by.as_deref());
             // Those that came to nothing have no folder any more.
             let taken: Vec<_> = entries.all.iter().map(|entry| entry.status.id.clone()).collect();
             (entries.folder.clone().filter(|_| has_room), taken)
@@ -218,19 +223,14 @@ impl Exports {
         entries.folder = Some(folder);
     }
 
-    /// The next one that waits; waits for it that long.
+    /// The next one that waits, of the user who waited longest for a turn; waits for it that long.
     pub(super) fn next(&self, patience: Duration) -> Option<Work> {
-        let is_waiting = |entry: &Entry| entry.status.state == ExportState::Waiting;
         let mut entries = self.lock();
-        if !entries.all.iter().any(is_waiting) {
+        if !entries.all.iter().any(Entry::waits) {
             let waited = self.called.wait_timeout(entries, patience);
             entries = waited.unwrap_or_else(PoisonError::into_inner).0;
         }
-        let entry = entries.all.iter_mut().find(|entry| is_waiting(entry))?;
-        let request = entry.request.clone()?;
-        entry.status.state = ExportState::Running;
-        let (id, made_at) = (entry.status.id.clone(), entry.status.made_at.clone());
-        Some(Work { id, request, made_at, cancel: Arc::clone(&entry.cancel) })
+        entries.take_next()
     }
 
     /// Says how far an export is.
@@ -259,20 +259,44 @@ impl Exports {
         }
         let is_failed = |entry: &Entry| entry.status.state == ExportState::Failed;
         if entries.all.iter().filter(|entry| is_failed(entry)).count() > MAX_FAILED
-            && let Some(oldest) = entries.all.iter().position(is_failed)
+            && let Some(oldest) = entries.oldest_of_most(is_failed, |_status| 1)
         {
-            entries.all.remove(oldest);
+            entries.all.retain(|entry| entry.status.id != oldest);
         }
     }
 
-    /// Bytes and number of those that are done, and the id of the one that was made first.
-    pub(super) fn done(&self) -> (u64, usize, Option<String>) {
+    /// Room of bytes and of numbers that a user's exports have, once those went that are named by bytes and number.
+    pub(super) fn rooms(
+        &self,
+        user: Option<&str>,
+        max_bytes: u64,
+        (freed_bytes, n_freed): (u64, u64),
+    ) -> [Room; 2] {
         let entries = self.lock();
-        let done = || {
-            entries.all.iter().map(|entry| &entry.status).filter(|status| status.state == ExportState::Done)
-        };
-        let n_bytes = done().fold(0, |sum: u64, status| sum.saturating_add(status.bytes));
-        (n_bytes, done().count(), done().next().map(|status| status.id.clone()))
+        let done = entries.all.iter().filter(|entry| entry.is_done()).map(|entry| &entry.status);
+        let mut bytes = Room { max: max_bytes, kept: 0, own: 0, freed: freed_bytes };
+        let mut number = Room { max: MAX_DONE, kept: 0, own: 0, freed: n_freed };
+        for status in done {
+            let (own_bytes, n_own) =
+                if status.asked_by.as_deref() == user { (status.bytes, 1) } else { (0, 0) };
+            bytes.kept = bytes.kept.saturating_add(status.bytes);
+            bytes.own = bytes.own.saturating_add(own_bytes);
+            number.kept += 1;
+            number.own += n_own;
+        }
+        [bytes, number]
+    }
+
+    /// The id and bytes of a user's export that was made first of those that are done.
+    pub(super) fn oldest_of(&self, user: Option<&str>) -> Option<(String, u64)> {
+        let entries = self.lock();
+        let mut done = entries.all.iter().filter(|entry| entry.is_done()).map(|entry| &entry.status);
+        done.find(|status| status.asked_by.as_deref() == user).map(|status| (status.id.clone(), status.bytes))
+    }
+
+    /// The id of the one that was made first of those that are done, of the user whose take most bytes.
+    pub(super) fn oldest_of_most(&self) -> Option<String> {
+        self.lock().oldest_of_most(Entry::is_done, |status| status.bytes)
     }
 
     fn lock(&self) -> MutexGuard<'_, Entries> {
@@ -281,7 +305,56 @@ impl Exports {
     }
 }
 
+impl Entries {
+    /// Whether one more of a user may wait.
+    fn has_place(&self, user: Option<&str>) -> bool {
+        let waiting = || self.all.iter().filter(|entry| entry.waits());
+        let n_own = waiting().filter(|entry| entry.status.asked_by.as_deref() == user).count();
+        let bound = if user.is_some() { Bound::Free(GREED) } else { Bound::All };
+        let room = Room { max: MAX_WAITING, kept: waiting().count() as u64, own: n_own as u64, freed: 0 };
+        room.left(bound) >= 1
+    }
+
+    /// Takes the first that waits of the user whose last turn is longest ago.
+    fn take_next(&mut self) -> Option<Work> {
+        let Self { all, turns, n_turns, .. } = self;
+        turns.retain(|user, _turn| all.iter().any(|entry| entry.status.asked_by == *user));
+        let turn_of = |entry: &&mut Entry| turns.get(&entry.status.asked_by).copied().unwrap_or(0);
+        let entry = all.iter_mut().filter(|entry| entry.waits()).min_by_key(turn_of)?;
+        let request = entry.request.clone()?;
+        entry.status.state = ExportState::Running;
+        *n_turns += 1;
+        turns.insert(entry.status.asked_by.clone(), *n_turns);
+        let (id, made_at) = (entry.status.id.clone(), entry.status.made_at.clone());
+        Some(Work { id, request, made_at, cancel: Arc::clone(&entry.cancel) })
+    }
+
+    /// The id of the first of those that `is_meant`, of the user whose are the most by `weight`.
+    fn oldest_of_most(
+        &self,
+        is_meant: impl Fn(&Entry) -> bool,
+        weight: impl Fn(&ExportStatus) -> u64,
+    ) -> Option<String> {
+        let meant = || self.all.iter().filter(|entry| is_meant(entry)).map(|entry| &entry.status);
+        let mut weights: BTreeMap<Option<&str>, u64> = BTreeMap::new();
+        for status in meant() {
+            let sum = weights.entry(status.asked_by.as_deref()).or_default();
+            *sum = sum.saturating_add(weight(status));
+        }
+        let (most, _) = weights.into_iter().max_by_key(|(_, weight)| *weight)?;
+        meant().find(|status| status.asked_by.as_deref() == most).map(|status| status.id.clone())
+    }
+}
+
 impl Entry {
+    fn waits(&self) -> bool {
+        self.status.state == ExportState::Waiting
+    }
+
+    fn is_done(&self) -> bool {
+        self.status.state == ExportState::Done
+    }
+
     fn finished(Finished { manifest, manifest_sha256, manifest_bytes }: Finished) -> Self {
         let clips = manifest.clips().map(|clip| ExportFile {
             file: clip.file.clone(),
@@ -313,5 +386,80 @@ impl Entry {
             files,
         };
         Self { status, request: None, cancel: Arc::default() }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn entry(user: &str, place: u64, state: ExportState) -> Entry {
+        let at = Timestamp::from_nanos(0);
+        let request = ExportRequest {
+            cameras: Vec::new(),
+            from: at,
+            to: at,
+            note: String::new(),
+            asked_by: Some(user.to_owned()),
+            bound: Bound::All,
+        };
+        let status = ExportStatus {
+            id: format!("{user}{place}"),
+            state,
+            reason: None,
+            progress: 0.0,
+            made_at: at.to_string(),
+            from: at.to_string(),
+            to: at.to_string(),
+            cameras: Vec::new(),
+            note: String::new(),
+            asked_by: request.asked_by.clone(),
+            bytes: 10,
+            files: Vec::new(),
+        };
+        Entry { status, request: Some(Arc::new(request)), cancel: Arc::default() }
+    }
+
+    #[test]
+    fn one_users_exports_leave_places_and_turns_to_others() {
+        let mut entries = Entries::default();
+        let mut ask = |user: &str| {
+            let has_place = entries.has_place(Some(user));
+            if has_place {
+                let place = entries.all.len() as u64;
+                entries.all.push(entry(user, place, ExportState::Waiting));
+            }
+            has_place
+        };
+        let mut n_asked = |user: &str| (0..20).filter(|_| ask(user)).count();
+        assert_eq!((n_asked("eve"), n_asked("ann"), n_asked("bob")), (12, 3, 0));
+        assert!(entries.has_place(None), "where there are no users, all places are there for everybody");
+        let order: Vec<String> = std::iter::from_fn(|| entries.take_next()).map(|work| work.id).collect();
+        let expected = ["eve0", "ann12", "eve1", "ann13", "eve2", "ann14", "eve3", "eve4"];
+        assert_eq!(order[..8], expected);
+        assert_eq!(order.len(), 15);
+    }
+
+    #[test]
+    fn where_some_must_go_the_first_of_whose_are_most_goes() {
+        let all = [("ann", 0), ("eve", 1), ("eve", 2), ("bob", 3)];
+        let all = all.map(|(user, place)| entry(user, place, ExportState::Done));
+        let exports = Exports {
+            entries: Mutex::new(Entries { all: all.into(), ..Entries::default() }),
+            ..Exports::default()
+        };
+        assert_eq!(exports.oldest_of_most(), Some("eve1".to_owned()));
+        // Of those that came to nothing, likewise: a flood of one user's leaves another's told of.
+        for place in 10..100 {
+            exports.lock().all.push(entry("eve", place, ExportState::Running));
+            exports.fail(&format!("eve{place}"), "nothing".to_owned());
+            if place == 10 {
+                exports.lock().all.push(entry("ann", 5, ExportState::Running));
+                exports.fail("ann5", "nothing".to_owned());
+            }
+        }
+        let failed = exports.list().into_iter().filter(|status| status.state == ExportState::Failed);
+        let ids: Vec<String> = failed.map(|status| status.id).collect();
+        assert_eq!((ids.len(), ids.contains(&"ann5".to_owned())), (MAX_FAILED, true));
     }
 }

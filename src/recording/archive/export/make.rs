@@ -1,13 +1,15 @@
 //! The thread that makes exports: one after the other, within the disk's and the configuration's room.
 
-use super::board::{ExportState, MAX_DONE, Work};
+use super::board::{ExportState, Work};
 use super::clips::{Clips, Written};
 use super::folder::ExportsFolder;
 use super::manifest::{ExportedCamera, Manifest, VERSION};
-use super::{ExportCamera, ExportError};
+use super::{ExportCamera, ExportError, ExportRequest};
 use crate::archive::shared::Shared;
 use crate::archive::writer::RETRY_INTERVAL;
 use crate::archive::{ArchiveError, reconcile};
+use crate::share::Room;
+use crate::store::AuditEntry;
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 use std::time::Duration;
@@ -78,7 +80,7 @@ fn wait_for_folder(shared: &Arc<Shared>) -> Option<Arc<ExportsFolder>> {
 
 fn make(shared: &Arc<Shared>, folder: &ExportsFolder, work: &Work) {
     let id = work.id.as_str();
-    let mut budget = Budget { shared, work, n_bytes: 0, next_look_at: 0 };
+    let mut budget = Budget { shared, work, n_bytes: 0, freed: (0, 0), next_look_at: 0 };
     let made = manifest(&mut budget, folder).and_then(|manifest| folder.open(id)?.finish(manifest));
     let n_bytes = budget.n_bytes;
     let failure = match made.map(|finished| shared.exports.finish(finished)) {
@@ -148,6 +150,8 @@ struct Budget<'a> {
     shared: &'a Arc<Shared>,
     work: &'a Work,
     n_bytes: u64,
+    /// Bytes and number of the same user's exports that went for it.
+    freed: (u64, u64),
     /// Bytes of its own at which the disk and all exports are looked at again.
     next_look_at: u64,
 }
@@ -165,8 +169,12 @@ impl Budget<'_> {
                 n_bytes += segment.n_bytes as f64 * (to.nanos_since(from) as f64 / length_nanos).min(1.0);
             }
         }
-        let is_too_large = n_bytes > max_bytes(shared) as f64;
-        if is_too_large { Err(ExportError::TooLarge(n_bytes as u64)) } else { Ok(()) }
+        if n_bytes > max_bytes(shared) as f64 {
+            return Err(ExportError::TooLarge(n_bytes as u64));
+        }
+        let n_bytes = n_bytes as u64;
+        let [bytes, number] = self.rooms().map(|room| room.without_own().left(request.bound));
+        if bytes < n_bytes || number < 1 { Err(ExportError::NoRoom(n_bytes)) } else { Ok(()) }
     }
 
     /// Counts bytes that are about to be written, and says how far the export is.
@@ -190,18 +198,29 @@ impl Budget<'_> {
         Ok(())
     }
 
-    /// Removes the oldest exports until this one fits; the bytes that it may come to then.
-    fn make_room(&self) -> Result<u64, ExportError> {
-        let max_bytes = max_bytes(self.shared);
+    /// Removes the same user's oldest exports until this one fits; the bytes that it may come to then.
+    fn make_room(&mut self) -> Result<u64, ExportError> {
+        let Self { shared, work, n_bytes, .. } = *self;
+        let ExportRequest { asked_by, bound, .. } = &*work.request;
         loop {
-            let (done_bytes, n_done, oldest) = self.shared.exports.done();
-            if done_bytes.saturating_add(self.n_bytes) <= max_bytes && n_done < MAX_DONE {
-                return Ok(max_bytes - done_bytes);
+            let [bytes, number] = self.rooms().map(|room| room.left(*bound));
+            if bytes >= n_bytes && number >= 1 {
+                return Ok(bytes);
             }
-            let Some(id) = oldest else { return Err(ExportError::TooLarge(self.n_bytes)) };
-            tracing::info!(id, "an export goes, to make room");
-            self.shared.exports.remove(&id)?;
+            let Some((id, oldest_bytes)) = shared.exports.oldest_of(asked_by.as_deref()) else {
+                return Err(ExportError::NoRoom(n_bytes));
+            };
+            tracing::info!(id, user = asked_by, "an export goes, to make room for the same user's next");
+            shared.exports.remove(&id)?;
+            note_removal(shared, &id, asked_by.as_deref(), "export removed to make room");
+            self.freed = (self.freed.0.saturating_add(oldest_bytes), self.freed.1 + 1);
         }
+    }
+
+    /// Room of bytes and of numbers.
+    fn rooms(&self) -> [Room; 2] {
+        let user = self.work.request.asked_by.as_deref();
+        self.shared.exports.rooms(user, max_bytes(self.shared), self.freed)
     }
 }
 
@@ -218,9 +237,9 @@ fn lack(shared: &Arc<Shared>) -> Result<Option<(u64, u64)>, ArchiveError> {
     Ok((free_mib < least_mib).then_some((free_mib, least_mib)))
 }
 
-/// Removes the oldest exports while the disk lacks room: recording comes first.
+/// Removes exports while the disk lacks room, since recording comes first: the oldest of the user whose take most.
 fn leave_room(shared: &Arc<Shared>) {
-    while let (_, _, Some(id)) = shared.exports.done() {
+    while let Some(id) = shared.exports.oldest_of_most() {
         match lack(shared) {
             Ok(Some((free_mib, _))) => tracing::warn!(id, free_mib, "an export goes, since the disk is full"),
             Ok(None) => return,
@@ -229,6 +248,7 @@ fn leave_room(shared: &Arc<Shared>) {
         if let Err(error) = shared.exports.remove(&id) {
             return tracing::warn!(id, %error, "an export stays, though the disk is full");
         }
+        note_removal(shared, &id, None, "export removed since the disk is full");
     }
 }
 
@@ -242,7 +262,23 @@ fn remove_old(shared: &Shared) {
             tracing::info!(id = status.id, "an export goes, since it is old");
             if let Err(error) = shared.exports.remove(&status.id) {
                 tracing::warn!(id = status.id, %error, "an old export stays");
+                continue;
             }
+            note_removal(shared, &status.id, None, "export removed for its age");
         }
+    }
+}
+
+/// Notes in the audit log that an export went which nobody asked to remove.
+fn note_removal(shared: &Shared, id: &str, by: Option<&str>, action: &str) {
+    let entry = AuditEntry {
+        at: shared.clock.now(),
+        user: by.map(str::to_owned),
+        action: action.to_owned(),
+        target: format!("/api/v1/exports/{id}"),
+        status: 204,
+    };
+    if let Err(error) = shared.runtime.block_on(shared.store.append_audit(&entry)) {
+        tracing::error!(%error, ?entry, "a removed export could not be noted in the audit log");
     }
 }

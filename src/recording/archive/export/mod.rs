@@ -23,6 +23,7 @@ pub(super) use make::run;
 
 use super::ArchiveError;
 use crate::media;
+use crate::share::Bound;
 use serde_json::Value;
 use std::collections::BTreeMap;
 use videofields_vision::clock::Timestamp;
@@ -41,6 +42,8 @@ pub struct ExportRequest {
     pub note: String,
     /// Which user asks for it; none where there are no users.
     pub asked_by: Option<String>,
+    /// How much of what all exports may take that user's may.
+    pub bound: Bound,
 }
 
 /// A camera, and what is put down of it.
@@ -70,6 +73,12 @@ pub(super) enum ExportError {
     /// More than all exports may take.
     #[error("archive.export_gib is less than what is to be written: {0} bytes")]
     TooLarge(u64),
+    /// The user's have no room left, and others' stay.
+    #[error(
+        "your exports have no room left for {0} bytes, and others' stay: remove some of your own, or ask an admin to remove \
+         some or to raise archive.export_gib"
+    )]
+    NoRoom(u64),
     /// The disk has less room than exports leave to recording.
     #[error("the disk has {free_mib} MiB left, and exports leave {least_mib}: twice archive.min_free_mib")]
     NearlyFull {

@@ -4,6 +4,8 @@ use super::super::Archive;
 use super::super::tests::{OPEN_GROUPS, SECOND, Stage, at, decoded, frames, north};
 use super::*;
 use crate::media::{Input, Times};
+use crate::share::GREED;
+use crate::store::AuditEntry;
 use sha2::{Digest, Sha256};
 use std::io::Read;
 use std::os::fd::AsRawFd;
@@ -27,6 +29,7 @@ fn request(from: i64, to: i64) -> ExportRequest {
         to: at(to),
         note: "asked by\nnobody".to_owned(),
         asked_by: Some("ann".to_owned()),
+        bound: Bound::All,
     }
 }
 
@@ -208,6 +211,54 @@ async fn exports_outlive_the_daemon_and_go_when_they_are_told_to_or_old() {
     }
     assert_eq!(archive.exports().list(), []);
     assert!(!folder.join(&third.id).is_dir());
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn exports_of_one_user_push_out_none_of_anothers() {
+    let mut stage = Stage::new().await;
+    stage.record(START, &frames("jpegenc", 40)).await;
+    let archive = stage.archive().await;
+    let of = |user: &str, bound: Bound| ExportRequest {
+        asked_by: Some(user.to_owned()),
+        bound,
+        ..request(START, START + 2 * SECOND)
+    };
+    let first = exported(&archive, &of("ann", Bound::All)).await;
+    archive.stop();
+    drop(archive);
+    // Room for six and a half.
+    stage.settings.export_gib = first.bytes as f64 * 6.5 / f64::from(1 << 30);
+    let archive = stage.archive().await;
+    let kept = |user: &str| {
+        let all = archive.exports().list();
+        let done = all.iter().filter(|status| status.state == ExportState::Done);
+        done.filter(|status| status.asked_by.as_deref() == Some(user)).count()
+    };
+    // Ids begin with the second, and one that is free again may be given anew.
+    let later = || stage.clock.advance(Duration::from_secs(1));
+    for _ in 0..10 {
+        later();
+        let status = exported(&archive, &of("eve", Bound::Free(GREED))).await;
+        assert_eq!(status.state, ExportState::Done, "{status:?}");
+    }
+    assert_eq!((kept("ann"), kept("eve")), (1, 4));
+    // Another finds room, and nobody's but one's own goes once there is none.
+    for _ in 0..3 {
+        later();
+        assert_eq!(exported(&archive, &of("ann", Bound::All)).await.state, ExportState::Done);
+    }
+    assert_eq!((kept("ann"), kept("eve")), (2, 4));
+    assert_eq!(archive.exports().one(&first.id), None);
+    let refused = exported(&archive, &of("bob", Bound::All)).await;
+    assert_eq!(refused.state, ExportState::Failed, "{refused:?}");
+    assert!(refused.reason.is_some_and(|reason| reason.starts_with("your exports have no room left")));
+    assert_eq!((kept("ann"), kept("eve")), (2, 4));
+    let log = stage.store.audit(0, 1000).await.unwrap();
+    let count = |user: &str| {
+        let room = |entry: &AuditEntry| entry.action == "export removed to make room";
+        log.iter().filter(|line| line.entry.user.as_deref() == Some(user) && room(&line.entry)).count()
+    };
+    assert_eq!((count("eve"), count("ann")), (6, 2));
 }
 
 #[tokio::test(flavor = "multi_thread")]

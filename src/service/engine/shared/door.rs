@@ -464,7 +464,7 @@ impl Door for Shared {
         self.all_exports()
     }
 
-    fn remove_export(&self, id: &str) -> Result<(), EngineError> {
+    fn remove_export(&self, id: &str, _by: Option<&str>) -> Result<(), EngineError> {
         self.removed_export(id)
     }
 
