@@ -88,10 +88,17 @@ pub(super) fn routes() -> Routes {
         Operation::new("annotate_snapshot", "Says something else of a snapshot; what was sealed stays")
             .role(Role::Operator)
             .right(Right::Export)
+            .about("Admins alone lift a hold.")
             .conditional()
             .takes_patch(schema::evidence::said())
-            .answers(Answer::json(200, "What is said of it now", schema::named("Snapshot")).tagged());
+            .may_fail(&[409, 507])
+            .answers(Answer::json(200, "What is said of it now", schema::named("Snapshot")).tagged())
+            .answers(
+                Answer::json(202, "It is held until another admin confirms", schema::named("Snapshot"))
+                    .tagged(),
+            );
     let removed = Operation::new("remove_snapshot", "Removes a snapshot that is not held; its digest stays")
+        .about("Operators remove those that they made.")
         .role(Role::Operator)
         .right(Right::Export)
         .conditional()
@@ -317,9 +324,18 @@ pub(super) async fn change(
     reader.one(&id).await?;
     let condition = required(&headers)?;
     let Said { note, tags, hold } = read_members(&body)?;
-    let changed = reader.annotate(&id, condition, Annotated { note, tags, hold }).await?;
+    let is_admin = |user: &str| {
+        let found = api.accounts.as_ref().and_then(|accounts| accounts.user(user).ok());
+        found.is_some_and(|user| user.role >= Role::Admin)
+    };
+    let changed = reader.annotate(&id, condition, Annotated { note, tags, hold }, is_admin).await?;
     let tag = (header::ETAG, etag(changed.annotation.version));
-    Ok(([NO_STORE], [tag], Json(summary(&changed))).into_response())
+    let is_asked = changed.annotation.asks_lift;
+    let status = if is_asked { StatusCode::ACCEPTED } else { StatusCode::OK };
+    let response = (status, [NO_STORE], [tag], Json(summary(&changed))).into_response();
+    let noted =
+        hold.map(|hold| Noted(if is_asked { "lift=asked".to_owned() } else { format!("hold={hold}") }));
+    Ok(with(noted, response))
 }
 
 /// Removes a snapshot (`If-Match`).
@@ -355,12 +371,15 @@ pub(super) fn summary(of: &SnapshotRecord) -> Value {
         "note": of.annotation.note,
         "tags": tags(&of.annotation),
         "hold": of.annotation.hold,
+        "held_by": of.held_by,
+        "lift": of.lift.as_ref().map(|lift| json!({ "asked_by": lift.by, "until": lift.until.to_string() })),
     })
 }
 
 fn annotation(of: &SnapshotAnnotation) -> Value {
     json!({
         "version": of.version, "at": of.at.to_string(), "by": of.by, "note": of.note, "tags": tags(of), "hold": of.hold,
+        "asks_lift": of.asks_lift,
     })
 }
 

@@ -13,6 +13,7 @@ mod evidence;
 mod feed;
 mod footage;
 mod frozen;
+mod held;
 pub(crate) mod house;
 mod hulls;
 mod jobs;

@@ -19,6 +19,10 @@ fn tags() -> Value {
 
 /// The members of a snapshot, without its record.
 fn snapshot() -> Value {
+    let lift = object([
+        ("asked_by", text(), "The admin who asked; another confirms"),
+        ("until", time(), "When the request ends, by the daemon's clock"),
+    ]);
     object([
         ("id", text(), "Random: it tells neither order nor number"),
         ("kind", word(&["scene", "camera"]), ""),
@@ -34,6 +38,8 @@ fn snapshot() -> Value {
         ("note", note(), ""),
         ("tags", tags(), ""),
         ("hold", boolean(), "Whether it stays, however old"),
+        ("held_by", nullable(text()), "The user who holds it"),
+        ("lift", nullable(lift), "Where two admins lift a hold: that one has asked to"),
     ])
 }
 
@@ -55,6 +61,7 @@ pub(crate) fn one() -> Value {
         ("note", note(), ""),
         ("tags", tags(), ""),
         ("hold", boolean(), ""),
+        ("asks_lift", boolean(), "Whether its author asked to lift the hold"),
     ]);
     let more = object([
         ("annotations", list(annotation), "What was said of it, the first version first"),

@@ -7,7 +7,7 @@ use sqlx::migrate::{Migration, MigrationType, Migrator};
 type Step = (i64, &'static str, &'static str);
 
 /// Never edited or reordered once released: their digests are kept in the database.
-const STEPS: [Step; 16] = [
+const STEPS: [Step; 17] = [
     (1, "create_scene", include_str!("../../../migrations/0001_create_scene.sql")),
     (2, "create_background", include_str!("../../../migrations/0002_create_background.sql")),
     (3, "create_texture_map", include_str!("../../../migrations/0003_create_texture_map.sql")),
@@ -24,6 +24,7 @@ const STEPS: [Step; 16] = [
     (14, "create_privacy", include_str!("../../../migrations/0014_create_privacy.sql")),
     (15, "create_audit_anchor", include_str!("../../../migrations/0015_create_audit_anchor.sql")),
     (16, "create_entity", include_str!("../../../migrations/0016_create_entity.sql")),
+    (17, "alter_snapshot", include_str!("../../../migrations/0017_alter_snapshot.sql")),
 ];
 
 /// The newest schema that this release knows.
@@ -64,6 +65,50 @@ mod tests {
         assert!(schemas.windows(2).all(|pair| pair[0] != pair[1]), "every step changes something");
         assert_eq!(schema(&mut stepwise).await, schema(&mut fresh).await);
         assert!(schema(&mut fresh).await.iter().any(|(name, _)| name == "texture_map"));
+    }
+
+    /// Adds snapshot `number`, of which every version says so much of its hold, each by another user.
+    async fn add_snapshot(connection: &mut SqliteConnection, number: u8, holds: &[bool]) {
+        let done = sqlx::query(
+            "insert into snapshot (number, id, made_at, shown_at, kind, subject, bytes, digest, previous, salt, version,
+                 note, tags, hold)
+             values (?, ?, 0, 0, 'scene', 'yard', 1, ?, zeroblob(32), zeroblob(32), ?, '', '[]', ?)",
+        )
+        .bind(number)
+        .bind(format!("{number:032}"))
+        .bind(vec![number; 32])
+        .bind(holds.len() as i64)
+        .bind(holds.last())
+        .execute(&mut *connection)
+        .await;
+        done.expect("added");
+        for (version, hold) in (1_i64..).zip(holds) {
+            let done = sqlx::query("insert into snapshot_annotation values (?, ?, 0, ?, '', '[]', ?)")
+                .bind(number)
+                .bind(version)
+                .bind(format!("user{version}"))
+                .bind(hold)
+                .execute(&mut *connection)
+                .await;
+            done.expect("annotated");
+        }
+    }
+
+    #[tokio::test]
+    async fn an_older_database_learns_who_holds_its_snapshots() {
+        let mut connection = SqliteConnection::connect("sqlite::memory:").await.expect("a database");
+        migrator(16).run(&mut connection).await.expect("migrated");
+        add_snapshot(&mut connection, 1, &[true, false, true, true]).await;
+        add_snapshot(&mut connection, 2, &[true, true]).await;
+        add_snapshot(&mut connection, 3, &[true, false]).await;
+        migrator(17).run(&mut connection).await.expect("migrated");
+        let held: Vec<(i64, Option<String>)> =
+            sqlx::query_as("select number, held_by from snapshot order by number")
+                .fetch_all(&mut connection)
+                .await
+                .expect("read");
+        let expected = [(1, Some("user3")), (2, Some("user1")), (3, None)];
+        assert_eq!(held, expected.map(|(number, user)| (number, user.map(str::to_owned))));
     }
 
     #[test]

@@ -44,7 +44,9 @@ pub use privacy::PrivacyRecord;
 pub use retention::AgeLimits;
 pub use scene::{SceneEntry, SceneRecord};
 pub use segment::{SegmentRecord, SegmentState};
-pub use snapshot::{SnapshotAnnotation, SnapshotRecord, SnapshotSearch};
+pub use snapshot::{
+    LiftRequest, SnapshotAnnotation, SnapshotOwner, SnapshotRecord, SnapshotSearch, SnapshotUsage,
+};
 pub use texture_map::TextureMapRecord;
 pub use track::TrackRecord;
 pub use user::{TokenRecord, UserRecord};

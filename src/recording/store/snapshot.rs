@@ -2,8 +2,10 @@
 //! was said of them. Cannot be rebuilt whole, so a write is on disk when it is acknowledged.
 
 mod search;
+mod usage;
 
 pub use search::SnapshotSearch;
+pub use usage::{SnapshotOwner, SnapshotUsage};
 
 use super::{Store, StoreError};
 use crate::telemetry::SnapshotRemoval;
@@ -26,6 +28,17 @@ pub struct SnapshotAnnotation {
     pub tags: String,
     /// Whether it stays, however old.
     pub hold: bool,
+    /// Whether its author asked to lift the hold, which another admin is to confirm.
+    pub asks_lift: bool,
+}
+
+/// A request to lift a hold, which another admin is to confirm.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct LiftRequest {
+    /// The admin who asked.
+    pub by: String,
+    /// When it ends by itself, by the machine's clock.
+    pub until: Timestamp,
 }
 
 /// A snapshot as the index has it.
@@ -57,6 +70,10 @@ pub struct SnapshotRecord {
     pub salt: [u8; 32],
     /// What is said of it now.
     pub annotation: SnapshotAnnotation,
+    /// The user who holds it; none where nothing holds it, or where there were no users.
+    pub held_by: Option<String>,
+    /// The newest request to lift its hold, however old.
+    pub lift: Option<LiftRequest>,
     /// The cameras in it, in the order of their ids.
     pub cameras: Vec<String>,
     /// When it was removed.
@@ -65,8 +82,9 @@ pub struct SnapshotRecord {
 
 /// All columns, the cameras as a JSON list, and the newest annotation's time and author.
 const COLUMNS: &str = "select snapshot.number, id, made_at, shown_at, kind, subject, made_by, schedule, bytes, digest, \
-     previous, salt, snapshot.version, snapshot.note, snapshot.tags, snapshot.hold, removed_at, \
-     coalesce(annotation.at, made_at) as annotated_at, annotation.by as annotated_by, \
+     previous, salt, snapshot.version, snapshot.note, snapshot.tags, snapshot.hold, held_by, lift_asked_by, lift_until, \
+     removed_at, coalesce(annotation.at, made_at) as annotated_at, annotation.by as annotated_by, \
+     coalesce(annotation.asks_lift, 0) as asks_lift, \
      (select json_group_array(camera) from (select camera from snapshot_camera where number = snapshot.number \
       order by camera)) as cameras \
      from snapshot left join snapshot_annotation as annotation \
@@ -84,6 +102,9 @@ impl Store {
         let cameras: String = row.try_get("cameras").map_err(read)?;
         let cameras = serde_json::from_str(&cameras);
         let removed_at: Option<i64> = row.try_get("removed_at").map_err(read)?;
+        let lift_asked_by: Option<String> = row.try_get("lift_asked_by").map_err(read)?;
+        let lift_until: Option<i64> = row.try_get("lift_until").map_err(read)?;
+        let lift = lift_asked_by.zip(lift_until);
         Ok(SnapshotRecord {
             number: row.try_get("number").map_err(read)?,
             id: row.try_get("id").map_err(read)?,
@@ -104,7 +125,10 @@ impl Store {
                 note: row.try_get("note").map_err(read)?,
                 tags: row.try_get("tags").map_err(read)?,
                 hold: row.try_get("hold").map_err(read)?,
+                asks_lift: row.try_get("asks_lift").map_err(read)?,
             },
+            held_by: row.try_get("held_by").map_err(read)?,
+            lift: lift.map(|(by, until)| LiftRequest { by, until: Timestamp::from_nanos(until) }),
             cameras: cameras.map_err(|_no_list| odd("snapshot_camera.camera")())?,
             removed_at: removed_at.map(Timestamp::from_nanos),
         })
@@ -136,8 +160,8 @@ impl Store {
         let mut transaction = self.durable.begin_with("begin immediate").await.map_err(classify)?;
         let done = sqlx::query(
             "insert into snapshot (number, id, made_at, shown_at, kind, subject, made_by, schedule, bytes, digest, previous,
-                 salt, version, note, tags, hold)
-             select ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?
+                 salt, version, note, tags, hold, held_by)
+             select ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?
              where ? = coalesce((select max(number) from snapshot) + 1, ?)",
         )
         .bind(record.number)
@@ -156,6 +180,7 @@ impl Store {
         .bind(&record.annotation.note)
         .bind(&record.annotation.tags)
         .bind(record.annotation.hold)
+        .bind(&record.held_by)
         .bind(record.number)
         // The first that this database knows may be a later one: of a folder that is older than the database.
         .bind(record.number)
@@ -209,41 +234,42 @@ impl Store {
             .map_err(|error| self.classify(error))
     }
 
-    /// The snapshot that may go first: the oldest that is not held, made before `before` if that is named.
+    /// The snapshot that may go first: the oldest that is not held, made before `before`.
     ///
     /// # Errors
     /// When the database fails.
     pub async fn oldest_free_snapshot(
         &self,
-        before: Option<Timestamp>,
+        before: Timestamp,
     ) -> Result<Option<SnapshotRecord>, StoreError> {
         let sql = format!(
             "{COLUMNS} where removed_at is null and snapshot.hold = 0 and made_at < ? order by made_at, snapshot.number limit 1"
         );
-        let before = before.map_or(i64::MAX, Timestamp::as_nanos);
-        let row = sqlx::query(sqlx::AssertSqlSafe(sql)).bind(before).fetch_optional(&self.cache).await;
+        let row =
+            sqlx::query(sqlx::AssertSqlSafe(sql)).bind(before.as_nanos()).fetch_optional(&self.cache).await;
         row.map_err(|error| self.classify(error))?.map(|row| self.snapshot_of(&row)).transpose()
     }
 
-    /// Adds an annotation after version `annotation.version - 1`, which must be the newest; whether it was.
+    /// Adds a snapshot's newest annotation, with who holds it and who asked to lift that, after version
+    /// `annotation.version - 1`, which must be the newest; whether it was.
     ///
     /// # Errors
     /// When the database fails: then nothing was changed.
-    pub async fn annotate_snapshot(
-        &self,
-        number: i64,
-        annotation: &SnapshotAnnotation,
-    ) -> Result<bool, StoreError> {
+    pub async fn annotate_snapshot(&self, changed: &SnapshotRecord) -> Result<bool, StoreError> {
+        let SnapshotRecord { number, annotation, held_by, lift, .. } = changed;
         let classify = |error| self.classify(error);
         let mut transaction = self.durable.begin_with("begin immediate").await.map_err(classify)?;
         let done = sqlx::query(
-            "update snapshot set version = ?, note = ?, tags = ?, hold = ?
+            "update snapshot set version = ?, note = ?, tags = ?, hold = ?, held_by = ?, lift_asked_by = ?, lift_until = ?
              where number = ? and version = ? and removed_at is null",
         )
         .bind(annotation.version)
         .bind(&annotation.note)
         .bind(&annotation.tags)
         .bind(annotation.hold)
+        .bind(held_by)
+        .bind(lift.as_ref().map(|lift| &lift.by))
+        .bind(lift.as_ref().map(|lift| lift.until.as_nanos()))
         .bind(number)
         .bind(annotation.version - 1)
         .execute(&mut *transaction)
@@ -252,7 +278,7 @@ impl Store {
         if done.rows_affected() == 0 {
             return Ok(false);
         }
-        insert_annotation(&mut transaction, number, annotation).await.map_err(classify)?;
+        insert_annotation(&mut transaction, *number, annotation).await.map_err(classify)?;
         transaction.commit().await.map_err(classify)?;
         Ok(true)
     }
@@ -262,17 +288,18 @@ impl Store {
     /// # Errors
     /// When the database fails.
     pub async fn snapshot_annotations(&self, number: i64) -> Result<Vec<SnapshotAnnotation>, StoreError> {
-        type Row = (i64, i64, Option<String>, String, String, bool);
+        type Row = (i64, i64, Option<String>, String, String, bool, bool);
         let rows: Vec<Row> = sqlx::query_as(
-            "select version, at, by, note, tags, hold from snapshot_annotation where number = ? order by version",
+            "select version, at, by, note, tags, hold, asks_lift from snapshot_annotation
+             where number = ? order by version",
         )
         .bind(number)
         .fetch_all(&self.cache)
         .await
         .map_err(|error| self.classify(error))?;
-        let annotation = |(version, at, by, note, tags, hold): Row| {
+        let annotation = |(version, at, by, note, tags, hold, asks_lift): Row| {
             let at = Timestamp::from_nanos(at);
-            SnapshotAnnotation { version, at, by, note, tags, hold }
+            SnapshotAnnotation { version, at, by, note, tags, hold, asks_lift }
         };
         Ok(rows.into_iter().map(annotation).collect())
     }
@@ -341,7 +368,8 @@ async fn insert_annotation(
     annotation: &SnapshotAnnotation,
 ) -> Result<(), sqlx::Error> {
     sqlx::query(
-        "insert into snapshot_annotation (number, version, at, by, note, tags, hold) values (?, ?, ?, ?, ?, ?, ?)",
+        "insert into snapshot_annotation (number, version, at, by, note, tags, hold, asks_lift)
+         values (?, ?, ?, ?, ?, ?, ?, ?)",
     )
     .bind(number)
     .bind(annotation.version)
@@ -350,6 +378,7 @@ async fn insert_annotation(
     .bind(&annotation.note)
     .bind(&annotation.tags)
     .bind(annotation.hold)
+    .bind(annotation.asks_lift)
     .execute(connection)
     .await
     .map(|_done| ())

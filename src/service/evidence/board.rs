@@ -3,18 +3,22 @@
 
 use super::bundle::Bundle;
 use super::record::{LINK, PICTURE, RECORD, camera_file};
+use super::share::{Coming, limited};
 use super::verify::{Verification, verify_files};
 use super::{EvidenceError, Snapshots};
 use crate::catalog::Condition;
 use serde_json::json;
 use std::fs::File;
 use std::sync::Arc;
-use videofields_recording::store::{SnapshotAnnotation, SnapshotRecord, SnapshotSearch};
+use videofields_recording::store::{LiftRequest, SnapshotAnnotation, SnapshotRecord, SnapshotSearch};
 use videofields_recording::telemetry::SnapshotRemoval;
 use videofields_vision::access::{Grants, Right, Role};
 use videofields_vision::config::check_annotation;
 use videofields_vision::error::Gatherer;
 use videofields_vision::frame::is_id;
+
+/// Versions of what is said of a snapshot after which admins alone go on: each is kept.
+const MAX_VERSIONS: i64 = 200;
 
 /// What is to be said of a snapshot from now on; what is none stays.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -53,7 +57,8 @@ impl Reader<'_> {
         Ok(Some(cameras.into_iter().filter(|camera| self.grants.has(camera, right)).collect()))
     }
 
-    /// The snapshots that are looked for, the one that was made last first; what the caller may not know of is left out.
+    /// The snapshots that are looked for, the one that was made last first; what the caller may not know of is left out, and so
+    /// are requests to lift a hold that have ended.
     ///
     /// # Errors
     /// When the database fails.
@@ -64,7 +69,12 @@ impl Reader<'_> {
             user: self.user.map(str::to_owned),
             ..search
         };
-        Ok(self.snapshots.store.find_snapshots(&search).await?)
+        let mut found = self.snapshots.store.find_snapshots(&search).await?;
+        let now = self.snapshots.clock.now();
+        for record in &mut found {
+            record.lift = record.lift.take().filter(|lift| now < lift.until);
+        }
+        Ok(found)
     }
 
     /// One snapshot.
@@ -137,17 +147,26 @@ impl Reader<'_> {
         tokio::task::spawn_blocking(read).await.map_err(EvidenceError::broken_off("opening a snapshot"))?
     }
 
-    /// Says something else of a snapshot; the sealed record stays as it is. The newest of what is said of it.
+    /// Says something else of a snapshot; the sealed record stays as it is. The newest of what is said of it. Where two admins
+    /// lift a hold, the first one's `hold` of false is a request that stands in the answer's `lift`; the second one's lifts it,
+    /// if `is_admin` of the first still. An admin's `hold` of true takes a request back.
     ///
     /// # Errors
-    /// As [`Self::one`]; [`EvidenceError::Forbidden`] for viewers, [`EvidenceError::Faults`], [`EvidenceError::Changed`] where
-    /// `condition` does not hold.
+    /// As [`Self::one`]; [`EvidenceError::Forbidden`] for viewers, and for all but admins where a hold is to be lifted;
+    /// [`EvidenceError::Faults`]; [`EvidenceError::Full`] where the caller holds as much as may be;
+    /// [`EvidenceError::AskedAlready`]; [`EvidenceError::Changed`] where `condition` does not hold.
     pub async fn annotate(
         &self,
         id: &str,
         condition: Condition,
         said: Annotated,
+        is_admin: impl Fn(&str) -> bool,
     ) -> Result<SnapshotRecord, EvidenceError> {
+        // Room is counted, so one after the other.
+        let _turn = match said.hold {
+            Some(_) => Some(self.snapshots.turn.lock().await),
+            None => None,
+        };
         let record = self.one(id).await?;
         self.check_role("annotating a snapshot")?;
         check_condition(&record, condition)?;
@@ -162,28 +181,96 @@ impl Reader<'_> {
         if !faults.is_empty() {
             return Err(EvidenceError::Faults(faults));
         }
-        let annotation = SnapshotAnnotation {
-            version: record.annotation.version + 1,
-            at: self.snapshots.clock.now(),
-            by: self.user.map(str::to_owned),
-            note,
-            tags: json!(tags).to_string(),
-            hold: said.hold.unwrap_or(record.annotation.hold),
-        };
-        if self.snapshots.store.annotate_snapshot(record.number, &annotation).await? {
-            return Ok(SnapshotRecord { annotation, ..record });
+        if record.annotation.version >= MAX_VERSIONS && self.grants.role() < Role::Admin {
+            return Err(EvidenceError::Full(
+                "as much was said of the snapshot as is kept: admins alone go on",
+            ));
+        }
+        let mut changed = self.held(&record, said.hold, is_admin).await?;
+        changed.annotation.version += 1;
+        changed.annotation.at = self.snapshots.clock.now();
+        changed.annotation.by = self.user.map(str::to_owned);
+        changed.annotation.note = note;
+        changed.annotation.tags = json!(tags).to_string();
+        if self.snapshots.store.annotate_snapshot(&changed).await? {
+            return Ok(changed);
         }
         let now = self.one(id).await?;
         Err(EvidenceError::Changed { now: now.annotation.version })
     }
 
-    /// Removes a snapshot; its digest stays, so that the chain is whole.
+    /// The record once the caller's `hold` was put, lifted, or asked to be lifted.
+    async fn held(
+        &self,
+        record: &SnapshotRecord,
+        hold: Option<bool>,
+        is_admin: impl Fn(&str) -> bool,
+    ) -> Result<SnapshotRecord, EvidenceError> {
+        let mut changed = record.clone();
+        changed.annotation.asks_lift = false;
+        match (record.annotation.hold, hold) {
+            (_, None) | (false, Some(false)) => {}
+            (false, Some(true)) => {
+                if let Some(user) = limited(self.user, self.grants) {
+                    let kept = (Coming::Kept, record.n_bytes.unsigned_abs());
+                    self.snapshots.check_held(user, kept).await?;
+                }
+                changed.annotation.hold = true;
+                changed.held_by = self.user.map(str::to_owned);
+            }
+            (true, Some(true)) => {
+                if self.grants.role() >= Role::Admin {
+                    changed.lift = None;
+                }
+            }
+            (true, Some(false)) => {
+                changed.lift = self.lift(record, is_admin)?;
+                changed.annotation.hold = changed.lift.is_some();
+                changed.annotation.asks_lift = changed.lift.is_some();
+                changed.held_by = changed.held_by.filter(|_| changed.lift.is_some());
+            }
+        }
+        Ok(changed)
+    }
+
+    /// The request to lift a hold that the caller makes; none where the hold is lifted.
+    fn lift(
+        &self,
+        record: &SnapshotRecord,
+        is_admin: impl Fn(&str) -> bool,
+    ) -> Result<Option<LiftRequest>, EvidenceError> {
+        if self.grants.role() < Role::Admin {
+            return Err(EvidenceError::Forbidden("lifting the hold of a snapshot is for admin".to_owned()));
+        }
+        let Some(window_nanos) = self.snapshots.settings.lift_window_nanos else { return Ok(None) };
+        let Some(user) = self.user else {
+            let message = "lifting the hold of a snapshot takes two admins, and there are no users";
+            return Err(EvidenceError::Forbidden(message.to_owned()));
+        };
+        match &record.lift {
+            Some(asked) if asked.by == user => Err(EvidenceError::AskedAlready { until: asked.until }),
+            Some(asked) if is_admin(&asked.by) => Ok(None),
+            // That of somebody who is no admin any more counts for nothing.
+            _ => {
+                let until = self.snapshots.clock.now().saturating_add_nanos(window_nanos);
+                Ok(Some(LiftRequest { by: user.to_owned(), until }))
+            }
+        }
+    }
+
+    /// Removes a snapshot; its digest stays, so that the chain is whole. Operators remove their own.
     ///
     /// # Errors
-    /// As [`Self::annotate`]; [`EvidenceError::Held`].
+    /// As [`Self::one`]; [`EvidenceError::Forbidden`] for viewers, and for operators where another made it;
+    /// [`EvidenceError::Changed`] where `condition` does not hold; [`EvidenceError::Held`].
     pub async fn remove(&self, id: &str, condition: Condition) -> Result<(), EvidenceError> {
         let record = self.one(id).await?;
         self.check_role("removing a snapshot")?;
+        if self.grants.role() < Role::Admin && (self.user.is_none() || record.made_by.as_deref() != self.user)
+        {
+            let message = "removing a snapshot that another made is for admin";
+            return Err(EvidenceError::Forbidden(message.to_owned()));
+        }
         check_condition(&record, condition)?;
         if record.annotation.hold {
             return Err(EvidenceError::Held);

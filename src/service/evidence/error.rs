@@ -6,6 +6,7 @@ use std::sync::Arc;
 use tokio::task::JoinError;
 use videofields_recording::store::StoreError;
 use videofields_recording::telemetry::SnapshotFailure;
+use videofields_vision::clock::Timestamp;
 use videofields_vision::encode::EncodeError;
 use videofields_vision::error::{ErrorKind, Fault, join_faults};
 
@@ -31,8 +32,14 @@ pub enum EvidenceError {
         now: i64,
     },
     /// It is held.
-    #[error("the snapshot is held: set hold to false before it is removed")]
+    #[error("the snapshot is held: an admin sets hold to false before it is removed")]
     Held,
+    /// The same admin asked already to lift its hold.
+    #[error("you have asked to lift the hold: another admin confirms it until {until}")]
+    AskedAlready {
+        /// When the request ends.
+        until: Timestamp,
+    },
     /// The caller knows of it, but may not do that.
     #[error("{0}")]
     Forbidden(String),
@@ -79,7 +86,7 @@ impl EvidenceError {
         match self {
             Self::None { .. } | Self::NoFile { .. } => ErrorKind::NotFound,
             Self::Changed { .. } => ErrorKind::Changed,
-            Self::Held => ErrorKind::Conflict,
+            Self::Held | Self::AskedAlready { .. } => ErrorKind::Conflict,
             Self::Forbidden(_) => ErrorKind::Forbidden,
             Self::Faults(_) => ErrorKind::Invalid,
             Self::Full(_) => ErrorKind::StorageFull,
@@ -106,6 +113,7 @@ impl EvidenceError {
             | Self::NoFile { .. }
             | Self::Changed { .. }
             | Self::Held
+            | Self::AskedAlready { .. }
             | Self::Forbidden(_)
             | Self::Faults(_) => None,
         }

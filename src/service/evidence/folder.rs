@@ -210,19 +210,17 @@ impl Making {
         self.files.iter().map(|file| file.bytes).sum()
     }
 
-    /// Writes record and link, and gives the snapshot its name: from then on it is there. Bytes of all its files.
-    pub(super) fn seal(mut self, record: &[u8], link: &Link) -> Result<u64, EvidenceError> {
-        let link = encoded(link)?;
+    /// Writes record and link, and gives the snapshot its name: from then on it is there.
+    pub(super) fn seal(mut self, record: &[u8], link: &[u8]) -> Result<(), EvidenceError> {
         write(&self.path.join(RECORD), record)?;
-        write(&self.path.join(LINK), &link)?;
+        write(&self.path.join(LINK), link)?;
         sync(&self.path)?;
         self.folder.step("complete")?;
         let to = self.folder.path.join(&self.id);
         std::fs::rename(&self.path, &to).map_err(EvidenceError::files("rename", &self.path))?;
         self.is_sealed = true;
         sync(&self.folder.path)?;
-        self.folder.step("renamed")?;
-        Ok(self.len_bytes() + (record.len() + link.len()) as u64)
+        self.folder.step("renamed")
     }
 }
 
@@ -280,7 +278,8 @@ pub(super) fn parsed<T: serde::de::DeserializeOwned>(bytes: &[u8], path: &Path) 
     serde_json::from_slice(bytes).map_err(|error| EvidenceError::files("read", path)(io::Error::other(error)))
 }
 
-fn encoded(document: &impl serde::Serialize) -> Result<Vec<u8>, EvidenceError> {
+/// The bytes of a document.
+pub(super) fn encoded(document: &impl serde::Serialize) -> Result<Vec<u8>, EvidenceError> {
     canonical(document).map_err(|error| EvidenceError::Internal(format!("writing a document: {error}")))
 }
 

@@ -1,8 +1,9 @@
 //! Making a snapshot: asked of the engine, written, sealed into the chain, and taken into the index.
 
-use super::folder::Making;
+use super::folder::{Making, encoded};
 use super::picture::{self, Pixels, Taken};
 use super::record::{Link, PICTURE, VERSION, canonical, digest, hex, link, random};
+use super::share::{Coming, limited};
 use super::{EvidenceError, Snapshots};
 use crate::engine::{At, BlurAsked, Handle, ViewRequest};
 use serde_json::{Value, json};
@@ -139,7 +140,7 @@ impl Snapshots {
             tags: wanted.tags,
             hold: wanted.hold,
         };
-        let record = self.seal(written, sealing).await?;
+        let record = self.seal(maker, written, sealing).await?;
         tracing::info!(id = record.id, kind = record.kind, subject = record.subject, "snapshot made");
         Ok(record)
     }
@@ -174,11 +175,15 @@ impl Snapshots {
     }
 
     /// Seals a snapshot into the chain, in its turn.
-    async fn seal(&self, written: Written, sealing: Sealing) -> Result<SnapshotRecord, EvidenceError> {
+    async fn seal(
+        &self,
+        maker: Maker<'_>,
+        written: Written,
+        sealing: Sealing,
+    ) -> Result<SnapshotRecord, EvidenceError> {
         let _turn = self.turn.lock().await;
         let Written { making, shown_at, subject: (kind, subject), mut cameras, about } = written;
         cameras.sort_unstable();
-        self.make_room(making.len_bytes()).await?;
         let (number, previous) = self.store.snapshot_head().await?.unwrap_or((0, [0; 32]));
         let (number, salt) = (number + 1, random::<32>()?);
         let mut record = json!({
@@ -208,18 +213,23 @@ impl Snapshots {
         let record = canonical(&record)
             .map_err(|error| EvidenceError::Internal(format!("writing the record of a snapshot: {error}")))?;
         let digest = digest(&record);
-        let opened = Link {
+        let opened = encoded(&Link {
             version: VERSION,
             id: making.id().to_owned(),
             number,
             digest: hex(&digest),
             previous: hex(&previous),
             salt: hex(&salt),
-        };
+        })?;
+        let n_bytes = making.len_bytes() + (record.len() + opened.len()) as u64;
+        match limited(maker.user, maker.grants).filter(|_| sealing.hold) {
+            Some(user) => self.check_held(user, (Coming::New, n_bytes)).await?,
+            None => self.make_room(maker, n_bytes).await?,
+        }
         let id = making.id().to_owned();
         let folder = std::sync::Arc::clone(making.folder());
         let sealed = tokio::task::spawn_blocking(move || making.seal(&record, &opened)).await;
-        let n_bytes = sealed.map_err(EvidenceError::broken_off("sealing a snapshot"))??;
+        sealed.map_err(EvidenceError::broken_off("sealing a snapshot"))??;
         let tags = json!(sealing.tags).to_string();
         let row = SnapshotRecord {
             number,
@@ -241,7 +251,10 @@ impl Snapshots {
                 note: sealing.note,
                 tags,
                 hold: sealing.hold,
+                asks_lift: false,
             },
+            held_by: maker.user.filter(|_| sealing.hold).map(str::to_owned),
+            lift: None,
             cameras,
             removed_at: None,
         };

@@ -16,6 +16,7 @@ mod picture;
 mod record;
 mod retention;
 mod schedule;
+mod share;
 mod start;
 mod verify;
 
@@ -44,7 +45,7 @@ const MADE_AT_ONCE: usize = 2;
 const BUNDLES_AT_ONCE: usize = 8;
 
 /// Most snapshots that are kept, whatever their size.
-const MAX_COUNT: i64 = 100_000;
+const MAX_COUNT: u64 = 100_000;
 
 /// How snapshots are kept.
 #[derive(Clone, Debug, PartialEq)]
@@ -57,6 +58,8 @@ pub struct SnapshotSettings {
     pub max_age_nanos: i64,
     /// Bytes of the disk that are left free.
     pub min_free_bytes: u64,
+    /// Nanoseconds within which a second admin confirms that a hold is lifted; none where one admin lifts it alone.
+    pub lift_window_nanos: Option<i64>,
 }
 
 impl From<&StorageSettings> for SnapshotSettings {
@@ -66,6 +69,9 @@ impl From<&StorageSettings> for SnapshotSettings {
             max_bytes: (settings.snapshot_max_gib * (1_u64 << 30) as f64) as u64,
             max_age_nanos: (settings.snapshot_max_age_days * 86_400e9) as i64,
             min_free_bytes: u64::from(settings.snapshot_min_free_mib) << 20,
+            lift_window_nanos: settings
+                .snapshot_lift_by_two
+                .then_some((settings.snapshot_lift_window_mins * 60e9) as i64),
         }
     }
 }

@@ -1,8 +1,8 @@
-//! Which snapshots go to make room, or since they are old: the oldest, but never one that is held.
+//! Snapshots that go, since they are old or somebody wants it so: never one that is held.
 
 use super::record::{Removal, VERSION};
-use super::{EvidenceError, MAX_COUNT, Snapshots};
-use videofields_recording::store::SnapshotRecord;
+use super::{EvidenceError, Snapshots};
+use videofields_recording::store::{AuditEntry, SnapshotRecord};
 use videofields_recording::telemetry::SnapshotRemoval;
 use videofields_vision::clock::Timestamp;
 
@@ -17,7 +17,7 @@ impl Snapshots {
     pub async fn remove_old(&self) -> Result<(), EvidenceError> {
         let before = self.clock.now().saturating_add_nanos(-self.settings.max_age_nanos);
         let turn = self.turn.lock().await;
-        while let Some(oldest) = self.store.oldest_free_snapshot(Some(before)).await? {
+        while let Some(oldest) = self.store.oldest_free_snapshot(before).await? {
             self.remove_one(&oldest, None, None, SnapshotRemoval::Age).await?;
         }
         for id in self.store.forget_removed_snapshots(KEPT_LINKS).await? {
@@ -26,24 +26,6 @@ impl Snapshots {
         drop(turn);
         self.tell_totals().await;
         Ok(())
-    }
-
-    /// Removes the oldest until `n_bytes` more fit; in the caller's turn.
-    pub(super) async fn make_room(&self, n_bytes: u64) -> Result<(), EvidenceError> {
-        const NO_ROOM: EvidenceError =
-            EvidenceError::Full("the folder of snapshots has no room left, and those that are held stay");
-        if n_bytes > self.settings.max_bytes {
-            return Err(NO_ROOM);
-        }
-        loop {
-            let (n, kept_bytes) = self.store.snapshot_totals().await?;
-            let kept_bytes = u64::try_from(kept_bytes).unwrap_or(u64::MAX);
-            if n < MAX_COUNT && kept_bytes.saturating_add(n_bytes) <= self.settings.max_bytes {
-                return Ok(());
-            }
-            let Some(oldest) = self.store.oldest_free_snapshot(None).await? else { return Err(NO_ROOM) };
-            self.remove_one(&oldest, None, None, SnapshotRemoval::Bytes).await?;
-        }
     }
 
     /// Removes a snapshot, in the caller's turn; with `version`, only where that is its annotations' newest.
@@ -65,7 +47,33 @@ impl Snapshots {
         }
         self.metrics.count_snapshot_removed(why);
         tracing::info!(id = record.id, why = why.as_str(), by, "snapshot removed");
+        self.note_removal(record, (at, by), why).await;
         self.remove_files(removal(record, at, by, why)).await
+    }
+
+    /// Notes in the audit log that a snapshot went which nobody asked to remove; of one that somebody did, the request is noted.
+    async fn note_removal(
+        &self,
+        record: &SnapshotRecord,
+        (at, by): (Timestamp, Option<&str>),
+        why: SnapshotRemoval,
+    ) {
+        let action = match why {
+            SnapshotRemoval::Asked => return,
+            SnapshotRemoval::Bytes => "snapshot removed to make room",
+            SnapshotRemoval::Age => "snapshot removed for its age",
+        };
+        let made_by = record.made_by.as_deref().unwrap_or_default();
+        let entry = AuditEntry {
+            at,
+            user: by.map(str::to_owned),
+            action: action.to_owned(),
+            target: format!("/api/v1/snapshots/{}#made_by={made_by}", record.id),
+            status: 204,
+        };
+        if let Err(error) = self.store.append_audit(&entry).await {
+            tracing::error!(%error, ?entry, "a removed snapshot could not be noted in the audit log");
+        }
     }
 
     /// Removes the files of a snapshot that the index no longer has.

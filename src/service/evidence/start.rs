@@ -130,7 +130,10 @@ fn row(id: &str, found: &Found) -> Option<SnapshotRecord> {
             note: String::new(),
             tags: "[]".to_owned(),
             hold: false,
+            asks_lift: false,
         },
+        held_by: None,
+        lift: None,
         cameras: Vec::new(),
         removed_at: None,
     };
@@ -152,6 +155,7 @@ fn row(id: &str, found: &Found) -> Option<SnapshotRecord> {
     row.annotation.tags = json!(record.tags).to_string();
     row.annotation.note = record.note;
     row.annotation.hold = record.hold;
+    row.held_by = record.made_by.clone().filter(|_| record.hold);
     row.cameras = record.cameras.into_iter().map(|camera| camera.id).collect();
     row.cameras.sort_unstable();
     (row.kind, row.subject, row.made_by, row.schedule) =

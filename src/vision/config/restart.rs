@@ -82,6 +82,8 @@ keys! {
     storage.snapshot_max_gib: AtRestart,
     storage.snapshot_max_age_days: AtRestart,
     storage.snapshot_min_free_mib: AtRestart,
+    storage.snapshot_lift_by_two: AtRestart,
+    storage.snapshot_lift_window_mins: AtRestart,
     archive.folder: AtRestart,
     archive.segment_secs: AtOnce,
     archive.max_gib: AtOnce,

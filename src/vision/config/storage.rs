@@ -25,12 +25,17 @@ pub struct StorageSettings {
     /// The folder that snapshots lie in; made if it is not there. Empty (default): beside the database, with its name and
     /// the ending `.snapshots`.
     pub snapshot_folder: PathBuf,
-    /// Most GiB of all snapshots together, 0.001 to 1048576; the oldest that are not held go first. Default 10.
+    /// Most GiB of all snapshots together, 0.001 to 1048576. Users share it: each one's own oldest that are not held go first.
+    /// Default 10.
     pub snapshot_max_gib: f64,
     /// Days after which snapshots that are not held go, 0.001 to 36500. Default 365.
     pub snapshot_max_age_days: f64,
     /// MiB of the disk that are left free, 0 to 1073741824: with less, no snapshot is made. Default 1024.
     pub snapshot_min_free_mib: u32,
+    /// Whether it takes two admins to lift the hold of a snapshot: one asks, another confirms. Default false.
+    pub snapshot_lift_by_two: bool,
+    /// Minutes within which the second confirms, 1 to 10080; then the request ends. Default 60.
+    pub snapshot_lift_window_mins: f64,
     /// Days after which those backgrounds go, and the last ones of cameras that are not configured any more, 0.01 to 36500.
     /// Default 400.
     pub background_history_max_age_days: f64,
@@ -53,6 +58,8 @@ impl Default for StorageSettings {
             snapshot_max_gib: 10.0,
             snapshot_max_age_days: 365.0,
             snapshot_min_free_mib: 1024,
+            snapshot_lift_by_two: false,
+            snapshot_lift_window_mins: 60.0,
             background_history_max_age_days: 400.0,
             tracks_max_age_days: 400.0,
             activity_max_age_days: 400.0,
@@ -84,6 +91,7 @@ pub(super) fn check(storage: &StorageSettings, gatherer: &mut Gatherer) {
         ("snapshot_max_gib", storage.snapshot_max_gib, 0.001, 1_048_576.0, "GiB"),
         ("snapshot_max_age_days", storage.snapshot_max_age_days, 0.001, 36_500.0, "days"),
         ("snapshot_min_free_mib", f64::from(storage.snapshot_min_free_mib), 0.0, 1_073_741_824.0, "MiB"),
+        ("snapshot_lift_window_mins", storage.snapshot_lift_window_mins, 1.0, 10_080.0, "minutes"),
     ];
     for (key, value, least, most, unit) in numbers {
         super::validate::range(gatherer, &format!("/storage/{key}"), value, least, most, unit);

@@ -11,13 +11,14 @@ use std::time::Duration;
 use tempfile::TempDir;
 use videofields_recording::store::{SnapshotRecord, SnapshotSearch, Store};
 use videofields_recording::telemetry::Metrics;
+use videofields_service::catalog::Condition;
 use videofields_service::engine::At;
 use videofields_service::evidence::{
-    EvidenceError, Maker, Schedule, Scheduled, SnapshotSettings, Snapshots, Subject, Wanted, check_archive,
-    check_folder, check_index,
+    Annotated, EvidenceError, Maker, Schedule, Scheduled, SnapshotSettings, Snapshots, Subject, Wanted,
+    check_archive, check_folder, check_index,
 };
 use videofields_testing::small_disk::SmallDisk;
-use videofields_vision::access::Grants;
+use videofields_vision::access::{Grants, Rights, Role};
 use videofields_vision::clock::{SimulatedClock, Timestamp};
 use videofields_vision::config::{End, Settings};
 
@@ -52,6 +53,7 @@ fn settings(state: &Path) -> SnapshotSettings {
         max_bytes: 1 << 30,
         max_age_nanos: 1_000_000_000_000,
         min_free_bytes: 0,
+        lift_window_nanos: None,
     }
 }
 
@@ -232,7 +234,7 @@ fn a_kill_at_any_moment_leaves_a_snapshot_whole_or_not_at_all() {
         };
         let second = vault.make(&bench, of_camera("south", 5)).await.unwrap();
         let grants = Grants::everything();
-        let condition = videofields_service::catalog::Condition::Version(1);
+        let condition = Condition::Version(1);
         vault.snapshots.of(Some("ann"), &grants).remove(&first.id, condition).await.unwrap();
         vault.close().await;
         let taken = std::mem::take(&mut *taken.lock().unwrap());
@@ -412,7 +414,7 @@ fn what_was_changed_exchanged_or_taken_out_shows() {
         check("taken out", 2, "is missing from the folder").await;
         // Removed as it should be: the chain is whole, and says the same of its end.
         let grants = Grants::everything();
-        let condition = videofields_service::catalog::Condition::Present;
+        let condition = Condition::Present;
         vault.snapshots.of(Some("ann"), &grants).remove(&made[2].id, condition).await.unwrap();
         let checked = check_folder(&vault.state.join("snapshots")).unwrap();
         assert_eq!((checked.n_there, checked.n_removed, &checked.head), (3, 1, &head));
@@ -438,9 +440,10 @@ fn a_folder_is_taken_into_an_index_that_was_put_back_from_a_copy() {
         std::fs::copy(state.join("index.sqlite"), &copied).unwrap();
         let vault = Vault::open(&state).await;
         let second = vault.make(&bench, of_camera("north", 2)).await.unwrap();
-        let third = vault.make(&bench, of_camera("south", 3)).await.unwrap();
+        let third = Wanted { hold: true, ..of_camera("south", 3) };
+        let third = vault.make(&bench, third).await.unwrap();
         let grants = Grants::everything();
-        let condition = videofields_service::catalog::Condition::Present;
+        let condition = Condition::Present;
         vault.snapshots.of(None, &grants).remove(&second.id, condition).await.unwrap();
         let before = vault.all().await;
         vault.close().await;
@@ -458,7 +461,7 @@ fn a_folder_is_taken_into_an_index_that_was_put_back_from_a_copy() {
                 found.iter().map(|record| (&record.id, &record.digest, &record.cameras)).collect::<Vec<_>>(),
                 before.iter().map(|record| (&record.id, &record.digest, &record.cameras)).collect::<Vec<_>>()
             );
-            assert_eq!(found[0].id, third.id);
+            assert_eq!((&found[0].id, found[0].held_by.as_deref()), (&third.id, Some("ann")));
             vault.close().await;
         }
     });
@@ -487,18 +490,18 @@ fn the_oldest_go_to_make_room_and_what_is_held_stays() {
         // All are held: no room.
         let grants = Grants::everything();
         let reader = vault.snapshots.of(Some("ann"), &grants);
-        let hold = videofields_service::evidence::Annotated { hold: Some(true), ..Default::default() };
+        let hold = Annotated { hold: Some(true), ..Default::default() };
         for id in &made[3..] {
-            let condition = videofields_service::catalog::Condition::Version(1);
-            reader.annotate(id, condition, hold.clone()).await.unwrap();
+            let condition = Condition::Version(1);
+            reader.annotate(id, condition, hold.clone(), |_| true).await.unwrap();
         }
         let failed = vault.make(&bench, of_camera("north", 7)).await;
         assert!(matches!(failed, Err(EvidenceError::Full(_))), "{failed:?}");
-        let present = videofields_service::catalog::Condition::Present;
+        let present = Condition::Present;
         assert!(matches!(reader.remove(&held.id, present).await, Err(EvidenceError::Held)));
         // Too old, and let go.
-        let free = videofields_service::evidence::Annotated { hold: Some(false), ..Default::default() };
-        reader.annotate(&made[3], present, free).await.unwrap();
+        let free = Annotated { hold: Some(false), ..Default::default() };
+        reader.annotate(&made[3], present, free, |_| true).await.unwrap();
         vault.clock.advance(Duration::from_secs(990));
         vault.snapshots.remove_old().await.unwrap();
         assert_eq!(vault.all().await.len(), 3);
@@ -514,6 +517,125 @@ fn the_oldest_go_to_make_room_and_what_is_held_stays() {
             Vault::within(SnapshotSettings { min_free_bytes: u64::MAX, ..settings(&state) }, &state).await;
         let failed = vault.make(&bench, of_camera("north", 8)).await;
         assert!(matches!(failed, Err(EvidenceError::Full(_))), "{failed:?}");
+    });
+    bench.stop();
+}
+
+#[test]
+fn a_request_to_lift_a_hold_ends_by_itself_and_takes_two_users() {
+    let folder = TempDir::new().unwrap();
+    let bench = seen(folder.path());
+    bench.runtime.block_on(async {
+        let state = folder.path().join("state");
+        let window = Some(60_000_000_000);
+        let vault = Vault::within(SnapshotSettings { lift_window_nanos: window, ..settings(&state) }, &state);
+        let vault = vault.await;
+        let made = vault.make(&bench, Wanted { hold: true, ..of_camera("north", 0) }).await.unwrap();
+        let grants = Grants::everything();
+        let lift = async |user: Option<&str>| {
+            let said = Annotated { hold: Some(false), ..Annotated::default() };
+            vault.snapshots.of(user, &grants).annotate(&made.id, Condition::Present, said, |_| true).await
+        };
+        let asked = async || vault.snapshots.of(None, &grants).one(&made.id).await.unwrap().lift;
+        let refused = lift(None).await;
+        assert!(
+            matches!(&refused, Err(EvidenceError::Forbidden(why)) if why.contains("no users")),
+            "{refused:?}"
+        );
+        assert!(lift(Some("ann")).await.unwrap().annotation.hold);
+        vault.clock.advance(Duration::from_secs(59));
+        assert_eq!(asked().await.unwrap().by, "ann");
+        assert!(matches!(lift(Some("ann")).await, Err(EvidenceError::AskedAlready { .. })));
+        vault.clock.advance(Duration::from_secs(1));
+        assert_eq!(asked().await, None);
+        // The second came too late, and is the first of another.
+        assert!(lift(Some("bob")).await.unwrap().annotation.hold);
+        assert_eq!(asked().await.unwrap().by, "bob");
+        let lifted = lift(Some("ann")).await.unwrap();
+        assert_eq!((lifted.annotation.hold, lifted.held_by, lifted.lift), (false, None, None));
+        let said = vault.snapshots.of(None, &grants).annotations(&made.id).await.unwrap();
+        let asking: Vec<bool> = said.iter().map(|said| said.asks_lift).collect();
+        assert_eq!(asking, [false, true, true, false]);
+    });
+    bench.stop();
+}
+
+#[test]
+fn operators_say_no_more_of_a_snapshot_than_is_kept_and_admins_go_on() {
+    let folder = TempDir::new().unwrap();
+    let bench = seen(folder.path());
+    bench.runtime.block_on(async {
+        let vault = Vault::open(&folder.path().join("state")).await;
+        let made = vault.make(&bench, of_camera("north", 0)).await.unwrap();
+        let operator = Grants::new(Role::Operator, Rights::ALL, [].into());
+        let say = async |grants: &Grants| {
+            let said = Annotated { note: Some("x".repeat(2000)), ..Annotated::default() };
+            vault
+                .snapshots
+                .of(Some("eve"), grants)
+                .annotate(&made.id, Condition::Present, said, |_| true)
+                .await
+        };
+        for _ in 1..200 {
+            say(&operator).await.unwrap();
+        }
+        assert!(matches!(say(&operator).await, Err(EvidenceError::Full(_))));
+        assert_eq!(say(&Grants::everything()).await.unwrap().annotation.version, 201);
+    });
+    bench.stop();
+}
+
+#[test]
+fn the_daemons_own_leave_half_to_users_and_nobodys_push_out_anothers() {
+    let folder = TempDir::new().unwrap();
+    let bench = seen(folder.path());
+    bench.runtime.block_on(async {
+        let state = folder.path().join("state");
+        let vault = Vault::open(&state).await;
+        let one_bytes = vault.make(&bench, of_camera("north", 0)).await.unwrap().n_bytes as u64;
+        vault.close().await;
+        let max_bytes = one_bytes * 19 / 2;
+        let vault = Vault::within(SnapshotSettings { max_bytes, ..settings(&state) }, &state).await;
+        let operator = Grants::new(Role::Operator, Rights::ALL, [].into());
+        let everything = Grants::everything();
+        let make = async |user: Option<&str>, schedule: Option<&str>, grants: &Grants| {
+            vault.clock.advance(Duration::from_secs(1));
+            let wanted = Wanted { note: String::new(), tags: Vec::new(), ..of_camera("north", 1) };
+            vault.snapshots.make(&bench.handle, Maker { user, schedule, grants }, wanted).await
+        };
+        let kept = async |user: Option<&str>| {
+            vault.all().await.iter().filter(|of| of.made_by.as_deref() == user).count()
+        };
+        for _ in 0..10 {
+            make(None, Some("hourly"), &everything).await.unwrap();
+        }
+        assert_eq!((kept(Some("ann")).await, kept(None).await), (1, 4));
+        // One who was there before there were users is nobody.
+        make(None, None, &everything).await.unwrap();
+        for _ in 0..10 {
+            make(Some("eve"), None, &operator).await.unwrap();
+        }
+        assert_eq!((kept(Some("ann")).await, kept(None).await, kept(Some("eve")).await), (1, 5, 2));
+        // One more, and it is full: Ann's alone make room for Ann's.
+        for _ in 0..3 {
+            make(Some("ann"), None, &everything).await.unwrap();
+        }
+        assert_eq!((kept(Some("ann")).await, kept(None).await, kept(Some("eve")).await), (2, 5, 2));
+        assert!(matches!(make(Some("bob"), None, &everything).await, Err(EvidenceError::Full(_))));
+        assert_eq!(vault.all().await.len(), 9);
+        assert_eq!(vault.faults().await, [""; 0]);
+        // A removal that nobody asked for stands in the audit log, with whose making made it go.
+        vault.clock.advance(Duration::from_secs(1001));
+        vault.snapshots.remove_old().await.unwrap();
+        let log = vault.store.audit(0, 1000).await.unwrap();
+        let count = |user: Option<&str>, action: &str| {
+            log.iter()
+                .filter(|line| line.entry.user.as_deref() == user && line.entry.action == action)
+                .count()
+        };
+        let room = "snapshot removed to make room";
+        assert_eq!((count(None, room), count(Some("eve"), room), count(Some("ann"), room)), (6, 8, 2));
+        assert_eq!(count(None, "snapshot removed for its age"), 9);
     });
     bench.stop();
 }

@@ -46,6 +46,7 @@ fn users() -> Vec<(&'static str, Value)> {
     let all = json!(["live", "history", "export"]);
     vec![
         ("root", json!({"role": "admin", "password": "a long password"})),
+        ("chief", json!({"role": "admin"})),
         ("both", json!({"role": "operator", "cameras": {"north": all, "south": all}})),
         ("half", json!({"role": "operator", "cameras": {"north": all}})),
         ("present", json!({"role": "operator", "cameras": {"north": ["live", "export"]}})),
@@ -63,6 +64,15 @@ impl House {
 
     /// Over these cameras, all of which have ended.
     pub(super) fn of(folder: &Path, cameras: Vec<CameraSettings>) -> Self {
+        Self::keeping(folder, cameras, |_settings| {})
+    }
+
+    /// The same, where snapshots are kept as `change` has it.
+    pub(super) fn keeping(
+        folder: &Path,
+        cameras: Vec<CameraSettings>,
+        change: impl FnOnce(&mut SnapshotSettings),
+    ) -> Self {
         let settings = Settings { camera: cameras, ..Settings::default() };
         let bench = Bench::start(folder, settings, &[("yard", SCENE)]);
         for id in ["north", "south"] {
@@ -79,12 +89,14 @@ impl House {
             let folders = (folder.to_owned(), Vec::new());
             let catalog =
                 Catalog::open(bench.store.clone(), Arc::clone(&clock), Vec::new(), folders).await.unwrap();
-            let settings = SnapshotSettings {
+            let mut settings = SnapshotSettings {
                 folder: folder.join("snapshots"),
                 max_bytes: 1 << 30,
                 max_age_nanos: i64::MAX,
                 min_free_bytes: 0,
+                lift_window_nanos: None,
             };
+            change(&mut settings);
             let metrics = Arc::new(Metrics::new());
             let snapshots =
                 Snapshots::open(settings, bench.store.clone(), metrics, Arc::clone(&clock)).await.unwrap();
@@ -155,7 +167,7 @@ impl House {
     }
 
     /// The ids that a user is told of.
-    fn ids(&self, user: &str, query: &str) -> Vec<String> {
+    pub(super) fn ids(&self, user: &str, query: &str) -> Vec<String> {
         let found = self.get(user, &format!("{ALL}?{query}"));
         assert_eq!(found.status, 200, "{}", found.body);
         let id = |of: &Value| of["id"].as_str().unwrap().to_owned();
@@ -163,7 +175,7 @@ impl House {
     }
 }
 
-fn id_of(path: &str) -> String {
+pub(super) fn id_of(path: &str) -> String {
     path.rsplit('/').next().unwrap().to_owned()
 }
 
@@ -257,7 +269,9 @@ fn a_snapshot_is_made_found_read_annotated_and_removed() {
     // What is held stays until it is let go.
     let remove = |tag: Option<&str>| house.send("both", "DELETE", &path, tag, Value::Null).status;
     assert_eq!((remove(None), remove(Some("\"1\"")), remove(Some("\"2\""))), (428, 412, 409));
-    assert_eq!(say(Some("\"2\""), json!({"hold": false})).status, 200);
+    assert_eq!(say(Some("\"2\""), json!({"hold": false})).status, 403, "admins let it go");
+    let let_go = house.send("root", "PATCH", &path, Some("\"2\""), json!({"hold": false}));
+    assert_eq!(let_go.status, 200, "{}", let_go.body);
     assert_eq!((remove(Some("\"3\"")), remove(Some("\"3\""))), (204, 404));
     assert_eq!(house.get("both", &format!("{path}/picture.png")).status, 404);
     assert_eq!(house.ids("root", ""), [second]);

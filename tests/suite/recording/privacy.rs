@@ -213,6 +213,7 @@ fn pictures_and_snapshots_of_the_past_are_hidden_by_the_zones_of_today() {
         max_bytes: 1 << 30,
         max_age_nanos: i64::MAX,
         min_free_bytes: 0,
+        lift_window_nanos: None,
     };
     let opened = Snapshots::open(settings, running.store.clone().unwrap(), Arc::new(Metrics::new()), clock);
     let snapshots = running.runtime.block_on(opened).unwrap();
