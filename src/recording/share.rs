@@ -11,29 +11,29 @@ pub const GREED: u64 = 3;
 /// Part of the room that one owner's files may take.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Bound {
-    /// All of it.
+    /// The whole room.
     All,
-    /// Half of it. Who has more gives up two for one.
+    /// Half of the room. An owner with more gives up two for one.
     Half,
-    /// So many times as much as is left free. Who has more gives up one for one.
+    /// So many times as much as is left free. An owner with more gives up one for one.
     Free(u64),
 }
 
-/// Bytes, or a number of files, that are kept while more is to come.
+/// Room for files, in bytes or in number.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Room {
-    /// Most of all.
+    /// Most that all owners' files may take.
     pub max: u64,
-    /// What is kept.
+    /// Sum of all owners' files.
     pub kept: u64,
-    /// The part of it that is the owner's.
+    /// Sum of this owner's files.
     pub own: u64,
-    /// What was kept of the owner's, and went for what is to come.
+    /// Sum of this owner's files that were removed for the new one.
     pub freed: u64,
 }
 
 impl Room {
-    /// Returns the most that may come within a bound, or in the room of what went.
+    /// Returns the most that a new file may take within a bound, or in the place of removed ones.
     #[must_use]
     pub fn left(self, bound: Bound) -> u64 {
         let Self { max, kept, own, freed } = self;
@@ -49,7 +49,7 @@ impl Room {
         of_share.min(free)
     }
 
-    /// Returns the room once all of the owner's has gone.
+    /// Returns the room once all files of the owner were removed.
     #[must_use]
     pub const fn without_own(self) -> Self {
         Self {
@@ -69,7 +69,7 @@ mod tests {
         Room { max: 100, kept: own + others, own, freed }
     }
 
-    /// What owners have once each asked again and again, in turn, and gave up nothing.
+    /// Returns what each owner has once all asked in turn until nobody gets more, and gave up nothing.
     fn filled(bounds: &[Bound]) -> Vec<u64> {
         let mut own = vec![0; bounds.len()];
         loop {

@@ -67,7 +67,7 @@ mod tests {
         assert!(schema(&mut fresh).await.iter().any(|(name, _)| name == "texture_map"));
     }
 
-    /// Adds snapshot `number`, of which every version says so much of its hold, each by another user.
+    /// Adds snapshot `number` with a version for each of `holds`, each by another user.
     async fn add_snapshot(connection: &mut SqliteConnection, number: u8, holds: &[bool]) {
         let done = sqlx::query(
             "insert into snapshot (number, id, made_at, shown_at, kind, subject, bytes, digest, previous, salt, version,

@@ -28,7 +28,7 @@ pub struct SnapshotAnnotation {
     pub tags: String,
     /// Whether it stays, however old.
     pub hold: bool,
-    /// Whether its author asked to lift the hold, which another admin is to confirm.
+    /// True where its author asked to lift the hold, which another admin is to confirm.
     pub asks_lift: bool,
 }
 
@@ -37,7 +37,7 @@ pub struct SnapshotAnnotation {
 pub struct LiftRequest {
     /// The admin who asked.
     pub by: String,
-    /// When it ends by itself, by the machine's clock.
+    /// Instant at which it ends by itself, by the machine's clock.
     pub until: Timestamp,
 }
 

@@ -199,7 +199,7 @@ impl Reader<'_> {
         Err(EvidenceError::Changed { now: now.annotation.version })
     }
 
-    /// The record once the caller's `hold` was put, lifted, or asked to be lifted.
+    /// Returns the record once the caller's `hold` was put, lifted, or asked to be lifted.
     async fn held(
         &self,
         record: &SnapshotRecord,
@@ -233,7 +233,7 @@ impl Reader<'_> {
         Ok(changed)
     }
 
-    /// The request to lift a hold that the caller makes; none where the hold is lifted.
+    /// Returns the caller's request to lift a hold; none where the hold is lifted.
     fn lift(
         &self,
         record: &SnapshotRecord,

@@ -34,10 +34,10 @@ pub enum EvidenceError {
     /// It is held.
     #[error("the snapshot is held: an admin sets hold to false before it is removed")]
     Held,
-    /// The same admin asked already to lift its hold.
+    /// Its hold is to be lifted by two admins, and the caller is the first of them.
     #[error("you have asked to lift the hold: another admin confirms it until {until}")]
     AskedAlready {
-        /// When the request ends.
+        /// Instant at which the request ends.
         until: Timestamp,
     },
     /// The caller knows of it, but may not do that.

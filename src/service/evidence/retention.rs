@@ -51,7 +51,7 @@ impl Snapshots {
         self.remove_files(removal(record, at, by, why)).await
     }
 
-    /// Notes in the audit log that a snapshot went which nobody asked to remove; of one that somebody did, the request is noted.
+    /// Notes in the audit log that a snapshot was removed without anybody asking for it; a request to remove one is noted itself.
     async fn note_removal(
         &self,
         record: &SnapshotRecord,

@@ -13,14 +13,14 @@ use videofields_vision::access::{Grants, Role};
 /// Times what is left free that the snapshots may take which a user holds.
 const HELD_GREED: u64 = 1;
 
-/// Why nothing more is kept.
+/// Refusal of a snapshot for which a user's own make no room.
 const NO_ROOM: &str = "your snapshots have no room left, and those that are held or others' stay: remove some of your own, or \
                        ask an admin to remove some or to raise storage.snapshot_max_gib";
 
-/// Why nothing more is held.
+/// Refusal of a hold beyond a user's share.
 const HOLDS_TAKEN: &str = "the snapshots that you hold may take no more room: ask an admin to hold this one, or to lift other holds";
 
-/// Where a snapshot is that is to be held.
+/// Place of a snapshot that is to be held.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Coming {
     /// On its way.
@@ -29,7 +29,7 @@ pub(super) enum Coming {
     Kept,
 }
 
-/// Room of bytes and of numbers.
+/// Room of snapshots, in bytes and in number.
 #[derive(Clone, Copy)]
 struct Rooms([Room; 2]);
 
@@ -45,20 +45,20 @@ impl Rooms {
         Self(self.0.map(Room::without_own))
     }
 
-    /// Whether one snapshot of `n_bytes` may come.
+    /// Returns true where one snapshot of `n_bytes` may come.
     fn take(self, bound: Bound, n_bytes: u64) -> bool {
         let [bytes, number] = self.0.map(|room| room.left(bound));
         bytes >= n_bytes && number >= 1
     }
 }
 
-/// The user, where there is one and no admin.
+/// Returns the user, where there is one who is no admin.
 pub(super) fn limited<'a>(user: Option<&'a str>, grants: &Grants) -> Option<&'a str> {
     user.filter(|_| grants.role() < Role::Admin)
 }
 
 impl<'a> Maker<'a> {
-    /// With whose snapshots the maker's are counted.
+    /// Returns the owner with whose snapshots the maker's are counted.
     fn owner(&self) -> SnapshotOwner<'a> {
         match (self.schedule, self.user) {
             (Some(_), _) => SnapshotOwner::Schedules,

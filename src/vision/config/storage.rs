@@ -32,7 +32,7 @@ pub struct StorageSettings {
     pub snapshot_max_age_days: f64,
     /// MiB of the disk that are left free, 0 to 1073741824: with less, no snapshot is made. Default 1024.
     pub snapshot_min_free_mib: u32,
-    /// Whether it takes two admins to lift the hold of a snapshot: one asks, another confirms. Default false.
+    /// Requires two admins to lift the hold of a snapshot: one asks, another confirms. Default false.
     pub snapshot_lift_by_two: bool,
     /// Minutes within which the second confirms, 1 to 10080; then the request ends. Default 60.
     pub snapshot_lift_window_mins: f64,

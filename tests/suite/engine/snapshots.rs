@@ -67,7 +67,7 @@ impl House {
         Self::keeping(folder, cameras, |_settings| {})
     }
 
-    /// The same, where snapshots are kept as `change` has it.
+    /// Opens a house over these cameras, where snapshots are kept as `change` has it.
     pub(super) fn keeping(
         folder: &Path,
         cameras: Vec<CameraSettings>,

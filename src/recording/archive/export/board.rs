@@ -96,8 +96,9 @@ struct Entries {
     folder: Option<Arc<ExportsFolder>>,
     /// In the order in which they were asked for.
     all: Vec<Entry>,
-    /// The turn in which each user's was made last, of users who have any; the next is made of whoever waited longest.
+    /// Number of the turn in which an export of each user was made last, for users who have any.
     turns: HashMap<Option<String>, u64>,
+    /// Turns so far.
     n_turns: u64,
 }
 
@@ -223,7 +224,7 @@ impl Exports {
         entries.folder = Some(folder);
     }
 
-    /// The next one that waits, of the user who waited longest for a turn; waits for it that long.
+    /// Returns the next export that waits, of the user whose last turn is longest ago; waits for one that long.
     pub(super) fn next(&self, patience: Duration) -> Option<Work> {
         let mut entries = self.lock();
         if !entries.all.iter().any(Entry::waits) {
@@ -265,7 +266,7 @@ impl Exports {
         }
     }
 
-    /// Room of bytes and of numbers that a user's exports have, once those went that are named by bytes and number.
+    /// Returns the room that a user's exports have, in bytes and in number, once so many bytes and so many of them were removed.
     pub(super) fn rooms(
         &self,
         user: Option<&str>,
@@ -287,14 +288,14 @@ impl Exports {
         [bytes, number]
     }
 
-    /// The id and bytes of a user's export that was made first of those that are done.
+    /// Returns id and bytes of a user's oldest export that is done.
     pub(super) fn oldest_of(&self, user: Option<&str>) -> Option<(String, u64)> {
         let entries = self.lock();
         let mut done = entries.all.iter().filter(|entry| entry.is_done()).map(|entry| &entry.status);
         done.find(|status| status.asked_by.as_deref() == user).map(|status| (status.id.clone(), status.bytes))
     }
 
-    /// The id of the one that was made first of those that are done, of the user whose take most bytes.
+    /// Returns the id of the oldest export that is done, of the user whose exports take most bytes.
     pub(super) fn oldest_of_most(&self) -> Option<String> {
         self.lock().oldest_of_most(Entry::is_done, |status| status.bytes)
     }
@@ -306,7 +307,7 @@ impl Exports {
 }
 
 impl Entries {
-    /// Whether one more of a user may wait.
+    /// Returns true where one more of a user may wait.
     fn has_place(&self, user: Option<&str>) -> bool {
         let waiting = || self.all.iter().filter(|entry| entry.waits());
         let n_own = waiting().filter(|entry| entry.status.asked_by.as_deref() == user).count();
@@ -315,7 +316,7 @@ impl Entries {
         room.left(bound) >= 1
     }
 
-    /// Takes the first that waits of the user whose last turn is longest ago.
+    /// Takes the first export that waits, of the user whose last turn is longest ago.
     fn take_next(&mut self) -> Option<Work> {
         let Self { all, turns, n_turns, .. } = self;
         turns.retain(|user, _turn| all.iter().any(|entry| entry.status.asked_by == *user));
@@ -329,7 +330,7 @@ impl Entries {
         Some(Work { id, request, made_at, cancel: Arc::clone(&entry.cancel) })
     }
 
-    /// The id of the first of those that `is_meant`, of the user whose are the most by `weight`.
+    /// Returns the id of the first entry that `is_meant`, of the user whose entries have the largest sum of `weight`.
     fn oldest_of_most(
         &self,
         is_meant: impl Fn(&Entry) -> bool,

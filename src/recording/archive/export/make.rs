@@ -150,7 +150,7 @@ struct Budget<'a> {
     shared: &'a Arc<Shared>,
     work: &'a Work,
     n_bytes: u64,
-    /// Bytes and number of the same user's exports that went for it.
+    /// Bytes and number of the same user's exports that were removed for it.
     freed: (u64, u64),
     /// Bytes of its own at which the disk and all exports are looked at again.
     next_look_at: u64,
@@ -198,7 +198,7 @@ impl Budget<'_> {
         Ok(())
     }
 
-    /// Removes the same user's oldest exports until this one fits; the bytes that it may come to then.
+    /// Removes the same user's oldest exports until this one fits; returns the bytes that it may come to then.
     fn make_room(&mut self) -> Result<u64, ExportError> {
         let Self { shared, work, n_bytes, .. } = *self;
         let ExportRequest { asked_by, bound, .. } = &*work.request;
@@ -217,7 +217,7 @@ impl Budget<'_> {
         }
     }
 
-    /// Room of bytes and of numbers.
+    /// Returns the room that the user's exports have, in bytes and in number.
     fn rooms(&self) -> [Room; 2] {
         let user = self.work.request.asked_by.as_deref();
         self.shared.exports.rooms(user, max_bytes(self.shared), self.freed)
@@ -237,7 +237,7 @@ fn lack(shared: &Arc<Shared>) -> Result<Option<(u64, u64)>, ArchiveError> {
     Ok((free_mib < least_mib).then_some((free_mib, least_mib)))
 }
 
-/// Removes exports while the disk lacks room, since recording comes first: the oldest of the user whose take most.
+/// Removes exports while the disk lacks room, since recording comes first: the oldest of the user whose exports take most.
 fn leave_room(shared: &Arc<Shared>) {
     while let Some(id) = shared.exports.oldest_of_most() {
         match lack(shared) {
@@ -269,7 +269,7 @@ fn remove_old(shared: &Shared) {
     }
 }
 
-/// Notes in the audit log that an export went which nobody asked to remove.
+/// Notes in the audit log that an export was removed without anybody asking for it.
 fn note_removal(shared: &Shared, id: &str, by: Option<&str>, action: &str) {
     let entry = AuditEntry {
         at: shared.clock.now(),

@@ -42,7 +42,7 @@ pub struct ExportRequest {
     pub note: String,
     /// Which user asks for it; none where there are no users.
     pub asked_by: Option<String>,
-    /// How much of what all exports may take that user's may.
+    /// Part of what all exports may take that this user's exports may take.
     pub bound: Bound,
 }
 
@@ -73,7 +73,7 @@ pub(super) enum ExportError {
     /// More than all exports may take.
     #[error("archive.export_gib is less than what is to be written: {0} bytes")]
     TooLarge(u64),
-    /// The user's have no room left, and others' stay.
+    /// The user's exports have no room left, and those of others stay.
     #[error(
         "your exports have no room left for {0} bytes, and others' stay: remove some of your own, or ask an admin to remove \
          some or to raise archive.export_gib"

@@ -3,7 +3,7 @@
 use super::{COLUMNS, SnapshotRecord};
 use crate::store::{Store, StoreError};
 
-/// Those whose snapshots are counted together.
+/// Owner whose snapshots are counted together.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SnapshotOwner<'a> {
     /// The user who asked for them.
