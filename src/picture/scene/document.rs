@@ -12,14 +12,14 @@ use videofields_vision::frame::CameraId;
 pub const VERSION: u32 = 1;
 
 /// A normalised scene document.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct SceneDocument {
     /// Always [`VERSION`].
     pub version: u32,
     /// Name for people, 1 to 200 characters. Default: the scene's id.
     pub name: String,
     /// Where the scene's origin lies on the earth, if that is known.
-    #[serde(skip_serializing_if = "Option::is_none")]
+    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub origin: Option<OriginDocument>,
     /// What is seen where nothing stands.
     pub sky: SkyDocument,
@@ -28,30 +28,30 @@ pub struct SceneDocument {
     /// Upright boxes, at most 4096; ids are unique among all that stands.
     pub boxes: Vec<BoxDocument>,
     /// Upright cylinders, at most 4096.
-    #[serde(skip_serializing_if = "Vec::is_empty")]
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub cylinders: Vec<CylinderDocument>,
     /// Outlines of buildings, drawn upwards, at most 4096 with 65536 corners together.
-    #[serde(skip_serializing_if = "Vec::is_empty")]
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub footprints: Vec<FootprintDocument>,
     /// Uneven ground, at most 16 fields.
-    #[serde(skip_serializing_if = "Vec::is_empty")]
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub height_fields: Vec<HeightFieldDocument>,
     /// Models in files, at most 256 with 1048576 triangles together. Their files stay where they are: a document needs
     /// them again when it is read again.
-    #[serde(skip_serializing_if = "Vec::is_empty")]
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub models: Vec<ModelDocument>,
     /// Recorded mesh sequences that are shown in it, at most 4. Their files stay where they are.
-    #[serde(skip_serializing_if = "Vec::is_empty")]
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub sequences: Vec<SceneSequenceDocument>,
     /// What is done to pictures of it once they are drawn. Default: nothing.
-    #[serde(skip_serializing_if = "EffectsDocument::is_empty")]
+    #[serde(default, skip_serializing_if = "EffectsDocument::is_empty")]
     pub effects: EffectsDocument,
     /// What is taken for something that stands in the scene.
     pub entities: EntitiesDocument,
     /// The cameras that look at the scene, at most 256; ids are unique.
     pub cameras: Vec<SceneCameraDocument>,
     /// The view shown where a request names none. Default: all of the ground from the south and above.
-    #[serde(skip_serializing_if = "Option::is_none")]
+    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub view: Option<ViewDocument>,
 }
 
@@ -169,7 +169,7 @@ pub(super) const fn box_color() -> Color {
 }
 
 /// A camera of the scene.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct SceneCameraDocument {
     /// Which camera.
     pub id: CameraId,

@@ -43,6 +43,7 @@ pub use shape_document::{CylinderDocument, FootprintDocument, HeightFieldDocumen
 pub use texture::{MAX_TEXTURE_BYTES, MAX_TEXTURE_SIDE_PX, Texture, TextureLevel, Wrap};
 
 use glam::DVec3;
+use serde::Deserialize;
 use serde_json::Value;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -209,7 +210,10 @@ fn document_of(document: &str, part: &Scene) -> Arc<str> {
             relight.remove("camera");
         }
     }
-    serde_json::to_string_pretty(&document).unwrap_or_default().into()
+    // Written as that of a whole scene: by its form nothing is told of what is left out.
+    let read = SceneDocument::deserialize(&document);
+    read.map_or_else(|_| serde_json::to_string_pretty(&document).unwrap_or_default(), |of| of.to_json())
+        .into()
 }
 
 /// A recorded mesh sequence of a scene: where its manifest lies, which is opened by who shows it.
@@ -304,5 +308,36 @@ impl Material {
     pub fn part_srgb(&self, part: u32) -> [u8; 3] {
         let own = self.triangles_srgb.as_ref().and_then(|triangles| triangles.get(part as usize));
         own.copied().unwrap_or(self.color_srgb)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_part_of_a_scene_is_written_as_a_scene_that_has_no_more() {
+        let camera = |id: &str| {
+            format!(
+                r#"{{"id": "{id}", "calibration": {{"image_size_px": [64, 36], "focal_px": [50.5, 50], "center_px": [32, 18],
+                "distortion": {{"model": "brown_conrady", "coefficients": [0.01, 0.001, 0, 0]}}, "position_m": [0.1, 0, 5],
+                "world_from_camera": [0, 0, 0, 1]}}}}"#
+            )
+        };
+        let of = |cameras: &[&str], light: &str| {
+            let cameras = cameras.iter().map(|id| camera(id)).collect::<Vec<_>>().join(",");
+            let text = format!(
+                r##"{{"version": 1, "name": "Yard", "origin": {{"latitude_deg": 50.1, "longitude_deg": 8.7}},
+                "sky": {{"gradient": {{"zenith_srgb": "#204080", "horizon_srgb": "#a0b0c0", "ground_srgb": "#404040"}}}},
+                "ground": [{{"polygon": [[-1, -1], [1, -1], [0, 1]], "height_m": 0.5, "color_srgb": "#705030"}}],
+                "boxes": [{{"id": "hut", "center_m": [0, 0, 1], "size_m": [1, 2, 2], "yaw_deg": 30, "color_srgb": "#ffffff"}}],
+                "cylinders": [{{"id": "mast", "base_m": [3, 3, 0], "radius_m": 0.2, "height_m": 6, "color_srgb": "#102030"}}],
+                "effects": {{"relight": {{"light": "camera"{light}}}, "stipple": {{"dot_px": 3}}}},
+                "view": {{"eye_m": [0, -9, 4], "target_m": [0, 0, 1], "fov_deg": 50}}, "cameras": [{cameras}]}}"##
+            );
+            parse("yard", &text, no_imports).expect("a scene").scene
+        };
+        let part = of(&["west", "east"], r#", "camera": "east""#).with_cameras(|id| id.as_str() == "west");
+        assert_eq!(part.document, of(&["west"], "").document);
     }
 }
