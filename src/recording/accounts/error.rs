@@ -50,6 +50,16 @@ pub enum AccountError {
         /// As many.
         most: usize,
     },
+    /// The user has as many as one may make.
+    #[error(
+        "you have {n_own} {what}, as many as one user may make: revoke some that are not needed any more"
+    )]
+    Quota {
+        /// What.
+        what: &'static str,
+        /// As many.
+        n_own: usize,
+    },
     /// Members of a document are wrong.
     #[error("{}", join_faults(.0))]
     Faults(Vec<Fault>),
@@ -71,7 +81,7 @@ impl AccountError {
         match self {
             Self::NoUser { .. } | Self::NoToken { .. } => ErrorKind::NotFound,
             Self::Faults(_) => ErrorKind::Invalid,
-            Self::TooMany { .. } => ErrorKind::TooLarge,
+            Self::TooMany { .. } | Self::Quota { .. } => ErrorKind::TooLarge,
             Self::Changed { .. } => ErrorKind::Changed,
             Self::LastAdmin => ErrorKind::Conflict,
             Self::WrongPassword => ErrorKind::Unauthenticated,

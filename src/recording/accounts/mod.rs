@@ -29,10 +29,16 @@ use videofields_vision::clock::{Clock, Timestamp};
 /// How long a session lasts, however busy.
 pub const SESSION_TIME: Duration = Duration::from_secs(12 * 3600);
 
-/// Most users, tokens and sessions.
+/// Most users and tokens.
 const MAX_USERS: usize = 1024;
 const MAX_TOKENS: usize = 4096;
-const MAX_SESSIONS: usize = 4096;
+
+/// Tokens of one user, as far as it makes them itself, and those beyond [`MAX_TOKENS`] that admins alone make.
+const MAX_OWN_TOKENS: usize = 64;
+const ADMINS_TOKENS: usize = 64;
+
+/// Sessions of one user; one more ends its oldest. So there are no more than so many times [`MAX_USERS`].
+const MAX_OWN_SESSIONS: usize = 64;
 
 /// Longest name that may be a user's, bytes.
 const MAX_NAME_BYTES: usize = 64;
@@ -66,6 +72,8 @@ struct Session {
     csrf_token: String,
     /// Monotonic.
     until: Duration,
+    /// Its place in the order of log-ins.
+    number: u64,
 }
 
 /// What every request is looked up in.
@@ -75,6 +83,24 @@ struct Book {
     tokens: BTreeMap<String, TokenRecord>,
     /// By their keys' digests.
     sessions: HashMap<[u8; 32], Session>,
+    /// Sessions that ever were.
+    n_sessions_ever: u64,
+}
+
+impl Book {
+    /// Adds a session. The user's oldest makes room for it, and nobody else's.
+    fn add_session(&mut self, digest: [u8; 32], (user, csrf_token): (&str, String), now: Duration) {
+        self.sessions.retain(|_, session| session.until > now);
+        let own = || self.sessions.iter().filter(|(_, session)| session.user == user);
+        let oldest = own().min_by_key(|(_, session)| session.number).map(|(digest, _)| *digest);
+        if let Some(oldest) = oldest.filter(|_| own().count() >= MAX_OWN_SESSIONS) {
+            self.sessions.remove(&oldest);
+        }
+        let (user, until) = (user.to_owned(), now.saturating_add(SESSION_TIME));
+        self.n_sessions_ever += 1;
+        let session = Session { user, csrf_token, until, number: self.n_sessions_ever };
+        self.sessions.insert(digest, session);
+    }
 }
 
 /// All users, tokens and sessions.
@@ -193,12 +219,7 @@ impl Accounts {
         let caller =
             user.map(|user| user.caller(Some(csrf_token.clone()))).ok_or(AccountError::WrongPassword)?;
         self.throttle().succeeded(attempt, before);
-        book.sessions.retain(|_, session| session.until > now);
-        if book.sessions.len() >= MAX_SESSIONS {
-            return Err(AccountError::TooMany { what: "sessions", most: MAX_SESSIONS });
-        }
-        let until = now.saturating_add(SESSION_TIME);
-        book.sessions.insert(secret::digest(&session), Session { user: id.to_owned(), csrf_token, until });
+        book.add_session(secret::digest(&session), (id, csrf_token), now);
         Ok(LogIn { session, caller })
     }
 
@@ -297,7 +318,7 @@ impl Accounts {
         self.read().tokens.values().filter(is_asked).map(TokenSummary::from).collect()
     }
 
-    /// Makes a token; what it is told by is in the answer, and nowhere else.
+    /// Makes a token, as admins do for anybody; what it is told by is in the answer, and nowhere else.
     ///
     /// # Errors
     /// [`AccountError::NoUser`], [`AccountError::TooMany`]; the store's.
@@ -308,10 +329,45 @@ impl Accounts {
         expires_at: Option<Timestamp>,
     ) -> Result<(TokenSummary, String), AccountError> {
         let _turn = self.changes.lock().await;
-        self.user(user)?;
-        if self.read().tokens.len() >= MAX_TOKENS {
-            return Err(AccountError::TooMany { what: "tokens", most: MAX_TOKENS });
+        let most = MAX_TOKENS + ADMINS_TOKENS;
+        if self.read().tokens.len() >= most {
+            return Err(AccountError::TooMany { what: "tokens", most });
         }
+        self.new_token(user, note, expires_at).await
+    }
+
+    /// Makes a token for a user who asks for it, as [`Self::add_token`] does, as many as one user may have.
+    ///
+    /// # Errors
+    /// As [`Self::add_token`]; [`AccountError::Quota`].
+    pub async fn add_own_token(
+        &self,
+        user: &str,
+        note: String,
+        expires_at: Option<Timestamp>,
+    ) -> Result<(TokenSummary, String), AccountError> {
+        let _turn = self.changes.lock().await;
+        {
+            let book = self.read();
+            let n_own = book.tokens.values().filter(|token| token.user == user).count();
+            if n_own >= MAX_OWN_TOKENS {
+                return Err(AccountError::Quota { what: "tokens", n_own });
+            }
+            if book.tokens.len() >= MAX_TOKENS {
+                return Err(AccountError::TooMany { what: "tokens", most: MAX_TOKENS });
+            }
+        }
+        self.new_token(user, note, expires_at).await
+    }
+
+    /// Makes a token, in this change's turn.
+    async fn new_token(
+        &self,
+        user: &str,
+        note: String,
+        expires_at: Option<Timestamp>,
+    ) -> Result<(TokenSummary, String), AccountError> {
+        self.user(user)?;
         let (id, secret) = (secret::name()?, secret::secret()?);
         let record = TokenRecord {
             id: id.clone(),
