@@ -9,7 +9,7 @@ use super::connection::Connection;
 use super::content::MAX_BODY_BYTES;
 use super::error::Problem;
 use super::identity::Identity;
-use super::shares::{Full, Place, Shares};
+use super::shares::{Place, Shares};
 use super::{Api, Limits};
 use axum::body::{Body, Bytes, HttpBody};
 use axum::extract::{MatchedPath, Request, State};
@@ -21,6 +21,7 @@ use std::hash::Hash;
 use std::net::IpAddr;
 use std::time::Duration;
 use tracing::Instrument;
+use videofields_vision::access::Full;
 use videofields_vision::error::ErrorKind;
 
 /// Requests of strangers that are answered at once, who get the page, the log-in and refusals.
@@ -134,13 +135,7 @@ impl Asker {
                 (admission.strangers.take(*address, purpose).map(Held::Stranger), "from this address")
             }
         };
-        taken.map_err(|full| {
-            let detail = match full {
-                Full::All(n_all) => format!("{n_all} {what} already"),
-                Full::Own(n_own) => format!("{n_own} {what} already {whose}, which is their share"),
-            };
-            Problem::new(ErrorKind::Unavailable, detail)
-        })
+        taken.map_err(|full| Problem::new(ErrorKind::Unavailable, full.told(what, whose)))
     }
 }
 

@@ -1,6 +1,6 @@
 //! `/api/v1/assets`: pictures and models that scenes name as `assets/NAME`.
 //!
-//! Admins bring them and take them away; whoever sees any scene may look at them.
+//! Admins bring them and take them away; whoever sees a scene that names one may look at it.
 
 use super::conditions::{TagCondition, is_fresh};
 use super::content::Content;
@@ -20,8 +20,10 @@ use axum::extract::{FromRequest, RawQuery, Request};
 use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use serde_json::{Value, json};
+use std::collections::BTreeSet;
 use std::sync::Arc;
-use videofields_service::catalog::{Asset, AssetFormat, CatalogError, MAX_ASSET_BYTES};
+use videofields_recording::store::DocumentKind;
+use videofields_service::catalog::{Asset, AssetFormat, CatalogError, MAX_ASSET_BYTES, assets_named};
 use videofields_vision::access::Role;
 use videofields_vision::error::{ErrorKind, Fault};
 
@@ -41,7 +43,7 @@ const NO_STORE: (header::HeaderName, &str) = (header::CACHE_CONTROL, "no-store")
 pub(super) fn routes() -> Routes {
     let kept = |status, meaning| Answer::json(status, meaning, schema::scenes::asset()).tagged();
     let list = Operation::new("list_assets", "Every file that scenes may name")
-        .about("None for who sees no scene.")
+        .about("Those that scenes name which the caller may see; all for admins.")
         .answers(Answer::json(200, "The files", schema::scenes::assets()));
     let media = ["image/png", "image/jpeg", "model/gltf-binary", "application/octet-stream"];
     let show = Operation::new("show_asset", "A file that scenes may name")
@@ -75,8 +77,7 @@ pub(super) fn routes() -> Routes {
 /// Every file.
 pub(super) async fn list(Asked(api): Asked, RawQuery(raw): RawQuery) -> Result<Response, Problem> {
     Query::parse(raw.as_deref(), NONE).finish(Some(()))?;
-    let all = if sees(&api) { api.catalog()?.assets().await? } else { Vec::new() };
-    let all: Vec<Value> = all.iter().map(told).collect();
+    let all: Vec<Value> = seen(&api).await?.iter().map(told).collect();
     Ok(([NO_STORE], Json(json!({ "assets": all }))).into_response())
 }
 
@@ -88,8 +89,8 @@ pub(super) async fn one(
     headers: HeaderMap,
 ) -> Result<Response, Problem> {
     Query::parse(raw.as_deref(), NONE).finish(Some(()))?;
-    if !sees(&api) {
-        return Err(Problem::missing("file", &file, &[]));
+    if seen(&api).await?.iter().all(|asset| asset.file != file) {
+        return Err(problem_of(&api, CatalogError::NoAsset { file }).await);
     }
     let found = api.catalog()?.asset(&file).await;
     let (opened, asset) = match found {
@@ -163,18 +164,25 @@ fn check(api: &Api, headers: &HeaderMap) -> Result<(), Problem> {
     api.check_admin("changing files of scenes")
 }
 
-/// Whether the caller may look at files: who sees a scene, and who changes them.
-fn sees(api: &Api) -> bool {
-    api.identity.caller.grants.role() == Role::Admin || !api.door.scenes().is_empty()
+/// Returns the files that the caller may look at: who changes them all, others those that scenes name which they see. Scenes of the
+/// configuration name files of their own.
+async fn seen(api: &Api) -> Result<Vec<Asset>, Problem> {
+    let catalog = api.catalog()?;
+    let mut all = catalog.assets().await?;
+    if api.identity.caller.grants.role() != Role::Admin {
+        let scenes = api.door.scenes();
+        let kept = scenes.iter().filter(|scene| catalog.get(DocumentKind::Scene, &scene.id).is_ok());
+        let documents = kept.filter_map(|scene| api.door.scene(&scene.id).ok());
+        let named: BTreeSet<String> = documents.flat_map(|scene| assets_named(&scene.document)).collect();
+        all.retain(|asset| named.contains(&asset.file));
+    }
+    Ok(all)
 }
 
-/// As any failure of the catalog; for a file that is not there, with those that are.
+/// As any failure of the catalog; for a file that is not there, with those that the caller may look at.
 async fn problem_of(api: &Api, error: CatalogError) -> Problem {
     let CatalogError::NoAsset { file } = &error else { return error.into() };
-    let all = match api.catalog() {
-        Ok(catalog) => catalog.assets().await.unwrap_or_default(),
-        Err(_none) => Vec::new(),
-    };
+    let all = seen(api).await.unwrap_or_default();
     Problem::missing("file", file, &all.iter().map(|asset| asset.file.as_str()).collect::<Vec<_>>())
 }
 

@@ -17,7 +17,6 @@ use axum::response::{IntoResponse, Response};
 use glam::{DVec2, DVec3};
 use serde::Deserialize;
 use serde_json::{Value, json};
-use std::sync::Arc;
 use videofields_service::engine::EngineError;
 use videofields_vision::access::Role;
 use videofields_vision::calibrate::{self, CalibrateError, CameraDocument, Pair, Solved, Unknowns};
@@ -132,8 +131,7 @@ impl Api {
         action: &'static str,
         work: impl FnOnce() -> Result<T, CalibrateError> + Send + 'static,
     ) -> Result<T, Problem> {
-        let ended = |_ended| Problem::new(ErrorKind::Unavailable, "the daemon is stopping");
-        let turn = Arc::clone(&self.solvers).acquire_owned().await.map_err(ended)?;
+        let turn = self.turn(&self.solvers).await;
         // The thread keeps its turn, also when nobody waits for it any more.
         let worked = self.ask(action, move |_door| {
             let worked = work();

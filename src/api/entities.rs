@@ -173,8 +173,7 @@ async fn mesh(
     let resolution = query.whole("resolution", &RESOLUTION).unwrap_or(DEFAULT_RESOLUTION);
     let (moment, resolution) = query.finish(Some((moment, resolution)))?;
     // Held until the mesh is made, though nobody waits for it any more.
-    let turn =
-        std::sync::Arc::clone(&api.meshes).acquire_owned().await.expect("the semaphore is never closed");
+    let turn = api.turn(&api.meshes).await;
     let scene = id.clone();
     let made = api.ask("making a hull", move |door| {
         let made = door.standing(&scene, moment.at).map(|state| made(state, &entity, (resolution, written)));

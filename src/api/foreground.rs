@@ -13,6 +13,7 @@ use super::openapi::Routes;
 use super::parameters::NONE;
 use super::query::Query;
 use super::segments::Segments;
+use super::shares::Place;
 use super::sockets::{accept, described, farewell};
 use axum::body::Bytes;
 use axum::extract::RawQuery;
@@ -24,7 +25,7 @@ use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
 use std::time::Duration;
 use tokio::sync::broadcast::error::RecvError;
-use tokio::sync::{OwnedSemaphorePermit, broadcast, watch};
+use tokio::sync::{broadcast, watch};
 use videofields_service::engine::{At, Handle};
 
 /// Messages that a listener may be behind.
@@ -143,12 +144,7 @@ impl Feed {
     }
 }
 
-async fn hold(
-    mut api: Api,
-    id: String,
-    (mut socket, feed): (WebSocket, Arc<Feed>),
-    _permit: OwnedSemaphorePermit,
-) {
+async fn hold(mut api: Api, id: String, (mut socket, feed): (WebSocket, Arc<Feed>), _permit: Place<String>) {
     let connection = api.connection.clone();
     let end = tokio::select! {
         end = go_on(&mut api, &id, &mut socket, &feed) => end,

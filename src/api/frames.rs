@@ -7,20 +7,21 @@ use super::error::Problem;
 use super::parameters::Parameter;
 use super::picture::Picture;
 use super::query::Query;
+use super::shares::{Place, Shares};
 use super::tags::Finish;
 use super::wall_tiles::{self, Streamed, Wishes};
 use super::{Api, kept, scenes, view, views};
 use std::ops::RangeInclusive;
-use std::sync::Arc;
 use std::time::Duration;
-use tokio::sync::OwnedSemaphorePermit;
 use videofields_service::catalog::NamedView;
 use videofields_service::wall::Wall;
 use videofields_vision::encode::PictureFormat;
-use videofields_vision::error::ErrorKind;
 
 /// Streams at once; more get 503.
-pub(super) const AT_ONCE: usize = 64;
+pub(super) const AT_ONCE: usize = 96;
+
+/// Streams that one user may have for each that is left: a wall's 64 tiles may be one user's.
+const GREED: usize = 3;
 
 /// Pictures a second of a view.
 const RATE_HZ: RangeInclusive<f64> = 0.1..=30.0;
@@ -179,16 +180,17 @@ pub(super) fn split_off(raw: Option<&str>, name: &str) -> (String, String) {
     (own.join("&"), rest.join("&"))
 }
 
-/// As many streams as may run at once.
-pub(super) fn places() -> Arc<tokio::sync::Semaphore> {
-    Arc::new(tokio::sync::Semaphore::new(AT_ONCE))
+/// Returns the places of streams that run at once.
+pub(super) fn places() -> Shares<String> {
+    Shares::new(AT_ONCE, GREED)
 }
 
 impl Api {
-    /// A place among the streams that run.
-    pub(super) fn stream_place(&self) -> Result<OwnedSemaphorePermit, Problem> {
-        Arc::clone(&self.streams).try_acquire_owned().map_err(|_none_left| {
-            Problem::new(ErrorKind::Unavailable, format!("{AT_ONCE} streams are running already"))
-        })
+    /// Takes a place among the streams that run.
+    ///
+    /// # Errors
+    /// When all are taken, or the user has as many as are its share.
+    pub(super) fn stream_place(&self) -> Result<Place<String>, Problem> {
+        self.shared(&self.streams, "streams are running")
     }
 }

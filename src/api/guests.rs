@@ -6,7 +6,8 @@
 //! one that has taken nothing for longest. Connections that are answered and take their answers stay.
 
 use super::Api;
-use super::error::Problem;
+use super::identity::Identity;
+use super::shares::Shares;
 use axum::body::{Body, Bytes, HttpBody};
 use axum::extract::{Request, State};
 use axum::http::header;
@@ -22,7 +23,6 @@ use std::time::Duration;
 use tokio::io::{AsyncRead, AsyncWrite, ReadBuf};
 use tokio::sync::Notify;
 use tokio::time::Instant;
-use videofields_vision::error::ErrorKind;
 
 /// For how long a connection may wait before it can be asked to leave: a request that was sent with it is there by then.
 const IDLE_LEAST: Duration = Duration::from_millis(200);
@@ -172,18 +172,28 @@ impl<G: Unpin> HttpBody for Attended<G> {
 /// Listeners to events at once; more get 503, so that connections are left for everybody else.
 pub(super) const LISTENERS: usize = 96;
 
+/// Listeners that one user may be for each that is left: all screens of a wall may be one user.
+const LISTENERS_GREED: usize = 3;
+
+/// Returns the places of those who listen to events.
+pub(super) fn listeners() -> Shares<String> {
+    Shares::new(LISTENERS, LISTENERS_GREED)
+}
+
 /// Holds streams of events to that number.
 pub(super) async fn bound_listeners(State(api): State<Api>, request: Request, next: Next) -> Response {
+    // Whoever it is to the routes.
+    let identity = request.extensions().get::<Identity>().cloned();
     let response = next.run(request).await;
     let kind = response.headers().get(header::CONTENT_TYPE).and_then(|kind| kind.to_str().ok());
     if !kind.is_some_and(|kind| kind.starts_with("text/event-stream")) {
         return response;
     }
-    let Ok(held) = Arc::clone(&api.listeners).try_acquire_owned() else {
-        let detail = format!("{LISTENERS} listen to events already");
-        return Problem::new(ErrorKind::Unavailable, detail).into_response();
-    };
-    response.map(|body| Body::new(Attended { body, _held: held }))
+    let api = identity.map_or_else(|| api.clone(), |identity| Api { identity, ..api.clone() });
+    match api.shared(&api.listeners, "listen to events") {
+        Ok(held) => response.map(|body| Body::new(Attended { body, _held: held })),
+        Err(problem) => problem.into_response(),
+    }
 }
 
 /// A connection's bytes, watched for whether the client takes them.

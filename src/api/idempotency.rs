@@ -12,7 +12,7 @@ use axum::body::{Body, Bytes, to_bytes};
 use axum::http::{HeaderMap, HeaderName, HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use sha2::{Digest, Sha256};
-use std::collections::VecDeque;
+use std::collections::{BTreeMap, VecDeque};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 use videofields_vision::access::Grants;
@@ -135,10 +135,21 @@ impl Answered {
             oldest.and_then(|oldest| entries.remove(oldest));
         }
         while entries.len() > MAX_ANSWERS || entries.iter().map(Entry::bytes).sum::<usize>() > MAX_BYTES {
-            let Some(oldest) = entries.iter().position(|entry| entry.kept.is_some()) else { break };
+            let Some(oldest) = first_to_go(&entries) else { break };
             entries.remove(oldest);
         }
     }
+}
+
+/// Returns the oldest answer of the caller whose answers take most room.
+fn first_to_go(entries: &VecDeque<Entry>) -> Option<usize> {
+    let mut rooms: BTreeMap<&Option<String>, usize> = BTreeMap::new();
+    for entry in entries.iter().filter(|entry| entry.kept.is_some()) {
+        // One of no bytes takes its place too.
+        *rooms.entry(&entry.of.user).or_default() += entry.bytes() + MAX_BYTES / MAX_ANSWERS;
+    }
+    let most = rooms.into_iter().max_by_key(|(_, room)| *room)?.0;
+    entries.iter().position(|entry| entry.kept.is_some() && entry.of.user == *most)
 }
 
 /// A request that may have a key.
@@ -269,6 +280,10 @@ mod tests {
         assert!(is_kept(&answered, of("quiet", "one"), Duration::ZERO));
         assert!(is_kept(&answered, of("busy", "1"), Duration::ZERO));
         assert_eq!(answered.lock().len(), MAX_OF_CALLER + 1);
+        for number in 0..64 {
+            ask("large", &number.to_string(), MAX_ANSWER_BYTES);
+        }
+        assert!(is_kept(&answered, of("quiet", "one"), Duration::ZERO), "what is large pushes out its own");
         for number in 0..64 {
             ask(&format!("large-{number}"), "one", MAX_ANSWER_BYTES);
         }

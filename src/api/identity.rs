@@ -13,6 +13,7 @@ use axum::middleware::Next;
 use axum::response::{IntoResponse, Response};
 use std::sync::Arc;
 use videofields_recording::accounts::{Accounts, Caller};
+use videofields_service::catalog::Changer;
 use videofields_service::engine::Handle;
 use videofields_vision::access::{Grants, Role};
 use videofields_vision::error::ErrorKind;
@@ -175,6 +176,12 @@ impl Api {
             return Ok(());
         }
         Err(Problem::new(ErrorKind::Forbidden, format!("{what} is for admins")))
+    }
+
+    /// Returns the caller as who changes what is kept.
+    pub(super) fn changer(&self) -> Changer {
+        let caller = &self.identity.caller;
+        Changer { user: caller.user.clone(), role: caller.grants.role() }
     }
 
     /// Refuses who is neither operator nor admin.

@@ -1,7 +1,8 @@
 //! Documents that people keep of scenes, with their versions: one set of handlers for all of their kinds ([`Kind`]).
 //!
-//! Who sees a document's scene sees the document; operators and admins change it. Of one whose scene is hidden a caller
-//! learns no more than that its name is taken; of what it was before, when it may have shown another scene, admins alone.
+//! Who sees a document's scene and the camera that its parameters name sees the document; operators and admins change it. Of any
+//! other a caller learns nothing, not even that its name is taken (`naming`); of what it was before, when it may have shown another
+//! scene, admins alone.
 
 use super::conditions::{etag, optional, required};
 use super::content::Content;
@@ -20,8 +21,10 @@ use axum::extract::RawQuery;
 use axum::http::{HeaderMap, StatusCode, Uri, header};
 use axum::response::{IntoResponse, Response};
 use serde_json::{Map, Value, json};
+use videofields_picture::scene::Scene;
 use videofields_recording::store::{DocumentKind, DocumentRecord};
 use videofields_service::catalog::{CatalogError, Condition};
+use videofields_service::engine::ViewRequest;
 use videofields_vision::access::Role;
 use videofields_vision::error::{ErrorKind, Fault};
 use videofields_vision::frame::is_id;
@@ -68,6 +71,12 @@ pub(super) trait Kind: Sized + Send + 'static {
     /// The scene that it shows.
     fn scene(&self) -> &str;
 
+    /// Reads its parameters, as a view's query string has them.
+    ///
+    /// # Errors
+    /// With every wrong parameter.
+    fn request(&self) -> Result<ViewRequest, Vec<Fault>>;
+
     /// How the list shows it.
     fn summary(kept: &Kept<Self>) -> Value;
 
@@ -84,7 +93,7 @@ pub(super) fn routes<K: Kind>() -> Routes {
     let document = || schema::named(K::SCHEMA);
     let kept = |status, meaning| Answer::json(status, meaning, document()).tagged();
     let changing =
-        |id, summary| Operation::new(id, summary).role(Role::Operator).conditional().may_fail(&[409]);
+        |id, summary| Operation::new(id, summary).role(Role::Operator).conditional().may_fail(&[409, 422]);
     let list = Operation::new(list_id, "All of them that the caller may know of")
         .parameters(K::FILTERS)
         .answers(Answer::json(200, "The list", K::list_schema()));
@@ -106,7 +115,7 @@ pub(super) fn routes<K: Kind>() -> Routes {
     let restore = Operation::new(restore_id, "Makes a version of before the newest")
         .role(Role::Admin)
         .conditional()
-        .may_fail(&[409])
+        .may_fail(&[409, 422])
         .answers(kept(200, "It is so again"))
         .answers(kept(201, "It is there again"));
     Routes::of(K::TAG, K::SEGMENTS)
@@ -149,8 +158,23 @@ fn read<K: Kind>(api: &Api, record: &DocumentRecord) -> Option<Kept<K>> {
         })
         .ok()?;
     let is_admin = api.identity.caller.grants.role() == Role::Admin;
-    let is_seen = api.door.scene(content.scene()).is_ok() || is_admin;
-    is_seen.then(|| Kept { id: record.id.clone(), version: record.version, content, document })
+    let is_seen =
+        api.door.scene(content.scene()).is_ok_and(|scene| unseen_camera(api, &content, &scene).is_none());
+    (is_seen || is_admin).then(|| Kept { id: record.id.clone(), version: record.version, content, document })
+}
+
+/// Returns the camera that a document's parameters name and its scene does not have, as far as the caller may see it: for who does not
+/// know of every camera, one that is hidden is as one that is not there.
+fn unseen_camera<K: Kind>(api: &Api, content: &K, scene: &Scene) -> Option<String> {
+    if !api.is_restricted() {
+        return None;
+    }
+    // Parameters that cannot be read any more are shown to who knows every camera.
+    let named = match content.request() {
+        Ok(request) => request.effects.relight_camera?,
+        Err(_faults) => String::new(),
+    };
+    scene.cameras.iter().all(|member| member.id.as_str() != named).then_some(named)
 }
 
 pub(super) fn all<K: Kind>(api: &Api) -> Vec<Kept<K>> {
@@ -305,11 +329,14 @@ fn check<K: Kind>(api: &Api, id: &str, headers: &HeaderMap) -> Result<(), Proble
     Ok(())
 }
 
-/// Refuses to make what is there already, of a scene that is hidden from the caller: by trying to take a name one may learn that it
-/// is taken, and by nothing else.
+/// Refuses a name for what the caller does not see, unless it is free and the caller's to give.
 fn check_free<K: Kind>(api: &Api, id: &str) -> Result<(), Problem> {
-    let is_kept = api.catalog()?.state(K::KIND, id).is_there;
-    if is_kept && find::<K>(api, id).is_err() && api.check_admin("this").is_err() {
+    if find::<K>(api, id).is_ok() {
+        return Ok(());
+    }
+    api.check_name(K::KIND, id)?;
+    // Who knows of every camera does not see what is of a scene that is gone.
+    if api.catalog()?.state(K::KIND, id).is_there && api.check_admin("this").is_err() {
         return Err(Problem::new(ErrorKind::Forbidden, format!("the name {id} is taken")));
     }
     Ok(())
@@ -319,9 +346,14 @@ fn check_free<K: Kind>(api: &Api, id: &str) -> Result<(), Problem> {
 fn checked<K: Kind>(api: &Api, document: Value) -> Result<(K, Value), Problem> {
     let (content, document) = K::read(document).map_err(|faults| Problem::at(ErrorKind::Invalid, faults))?;
     content.check()?;
-    if let Err(error) = api.door.scene(content.scene()) {
+    let scene = api.door.scene(content.scene()).map_err(|error| {
         let detail = scenes::problem_of(api, error).into_detail();
-        return Err(Problem::at(ErrorKind::Invalid, vec![Fault::new("/scene", detail)]));
+        Problem::at(ErrorKind::Invalid, vec![Fault::new("/scene", detail)])
+    })?;
+    if let Some(camera) = unseen_camera(api, &content, &scene) {
+        let ids: Vec<&str> = scene.cameras.iter().map(|member| member.id.as_str()).collect();
+        let detail = format!("relight_camera: {}", Problem::missing("camera", &camera, &ids).into_detail());
+        return Err(Problem::at(ErrorKind::Invalid, vec![Fault::new("/parameters", detail)]));
     }
     Ok((content, document))
 }
@@ -335,9 +367,9 @@ async fn keep<K: Kind>(
     let (_, document) = checked::<K>(api, document)?;
     let document = serde_json::to_string_pretty(&document)
         .map_err(|error| Problem::new(ErrorKind::Internal, format!("writing a document: {error}")))?;
-    let (catalog, by) = (api.catalog()?, api.identity.caller.user.clone());
+    let catalog = api.catalog()?;
     let is_new = !catalog.state(K::KIND, id).is_there;
-    let version = catalog.put((K::KIND, id), document.clone(), condition, by).await?;
+    let version = catalog.put((K::KIND, id), document.clone(), condition, api.changer()).await?;
     tracing::info!(kind = K::KIND.as_str(), id, version, by = ?api.identity.caller.user, "document changed");
     let status = if is_new { StatusCode::CREATED } else { StatusCode::OK };
     Ok(answer(status, version, document))

@@ -45,6 +45,7 @@ mod kept;
 mod locate;
 mod log_budget;
 mod metrics;
+mod naming;
 mod openapi;
 mod operation;
 mod page;
@@ -79,6 +80,7 @@ mod tls;
 mod tokens;
 mod tracks;
 mod tune;
+mod turns;
 mod users;
 mod view;
 mod views;
@@ -166,14 +168,14 @@ struct Api {
     started: Duration,
     limits: Limits,
     admission: admission::Admission,
-    encoders: Arc<Semaphore>,
+    encoders: turns::Turns<String>,
     encoding_pace: Arc<encoding::EncodingPace>,
-    meshes: Arc<Semaphore>,
-    strips: Arc<Semaphore>,
-    streams: Arc<Semaphore>,
-    listeners: Arc<Semaphore>,
-    /// One permit for each `picture::ANSWER_UNIT_BYTES` of `Limits::answer_bytes`.
-    answers: Arc<Semaphore>,
+    meshes: turns::Turns<String>,
+    strips: turns::Turns<String>,
+    streams: shares::Shares<String>,
+    listeners: shares::Shares<String>,
+    /// Of `Limits::answer_bytes`.
+    answers: shares::Shares<String>,
     site: Arc<Site>,
     frames: Arc<FrameLock>,
     rounds: Arc<wall_rounds::Rounds>,
@@ -190,11 +192,14 @@ struct Api {
     /// Scenes of other programs that are taken in at once.
     imports: Arc<Semaphore>,
     /// Sources that are looked at at once.
-    looks: Arc<Semaphore>,
+    looks: shares::Shares<String>,
+    /// Snapshots that are made at once, and archives of them that are on their way.
+    snapshot_makings: shares::Shares<String>,
+    archives: shares::Shares<String>,
     /// Searches for cameras in the network at once.
     discoveries: Arc<Semaphore>,
     /// Cameras that are worked out of pairs and lines at once.
-    solvers: Arc<Semaphore>,
+    solvers: turns::Turns<String>,
 }
 
 impl Api {
@@ -253,10 +258,7 @@ pub fn router_within(
     clock: Arc<dyn Clock>,
     site: Site,
 ) -> Router {
-    let encoders = Arc::new(Semaphore::new(limits.encoders.max(1)));
-    let strips = Arc::new(Semaphore::new(strip::AT_ONCE));
     let frame_lock = Arc::new(FrameLock::new(clock.now(), clock.monotonic()));
-    let answers = Arc::new(Semaphore::new(limits.answer_bytes / picture::ANSWER_UNIT_BYTES));
     let api = Api {
         whole: door.clone(),
         door: door.within(Arc::new(Grants::nothing())),
@@ -269,13 +271,13 @@ pub fn router_within(
         clock,
         limits,
         admission: admission::Admission::new(&limits),
-        encoders,
+        encoders: turns::Turns::new(limits.encoders),
         encoding_pace: Arc::default(),
-        strips,
-        meshes: Arc::new(Semaphore::new(entities::AT_ONCE)),
+        strips: turns::Turns::new(strip::AT_ONCE),
+        meshes: turns::Turns::new(entities::AT_ONCE),
         streams: frames::places(),
-        listeners: Arc::new(Semaphore::new(guests::LISTENERS)),
-        answers,
+        listeners: guests::listeners(),
+        answers: picture::answers(limits.answer_bytes),
         site: Arc::new(site),
         frames: frame_lock,
         rounds: Arc::default(),
@@ -286,9 +288,11 @@ pub fn router_within(
         stranger_lines: Arc::default(),
         answered: Arc::default(),
         imports: Arc::new(Semaphore::new(scene_exchange::AT_ONCE)),
-        looks: Arc::new(Semaphore::new(source_looks::AT_ONCE)),
+        looks: source_looks::places(),
+        snapshot_makings: snapshot_making::places(),
+        archives: snapshots::archive_places(),
         discoveries: Arc::new(Semaphore::new(source_discovery::AT_ONCE)),
-        solvers: Arc::new(Semaphore::new(calibration_solve::AT_ONCE)),
+        solvers: turns::Turns::new(calibration_solve::AT_ONCE),
     };
     let limited = resources()
         .router()

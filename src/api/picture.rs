@@ -5,13 +5,13 @@ use super::Api;
 use super::error::Problem;
 use super::operation::Answer;
 use super::query::Moment;
+use super::shares::{Place, Shares};
 use super::tags::{EntityTag, Had, Key, not_modified};
 use axum::body::Bytes;
 use axum::http::{HeaderValue, header};
 use axum::response::{IntoResponse, Response};
 use std::sync::Arc;
 use std::time::Duration;
-use tokio::sync::OwnedSemaphorePermit;
 use videofields_vision::clock::Timestamp;
 use videofields_vision::encode::{self, EncodeError, PictureFormat};
 use videofields_vision::error::ErrorKind;
@@ -77,13 +77,21 @@ pub(super) fn pictured(meaning: &'static str) -> Answer {
         .field("ETag", "A digest of its bytes; `If-None-Match` takes it")
 }
 
-/// Bytes that a permit of `Api::answers` stands for.
-pub(super) const ANSWER_UNIT_BYTES: usize = 1024;
+/// Bytes that a place of `Api::answers` stands for.
+const ANSWER_UNIT_BYTES: usize = 1024;
+
+/// Bytes on their way to one user for each that is left: a wall's screens may be one user.
+const ANSWER_GREED: usize = 3;
+
+/// Returns the places of bytes that are on their way.
+pub(super) fn answers(limit_bytes: usize) -> Shares<String> {
+    Shares::new(limit_bytes / ANSWER_UNIT_BYTES, ANSWER_GREED)
+}
 
 /// A file on its way to a client, counted among those that are until the last of it is sent or the client is gone.
 struct HeldFile {
     bytes: Vec<u8>,
-    _permit: OwnedSemaphorePermit,
+    _place: Place<String>,
 }
 
 impl AsRef<[u8]> for HeldFile {
@@ -122,14 +130,8 @@ impl Api {
     fn held(&self, bytes: Vec<u8>) -> Result<Bytes, Problem> {
         let limit = self.limits.answer_bytes / ANSWER_UNIT_BYTES;
         let units = bytes.len().div_ceil(ANSWER_UNIT_BYTES).min(limit);
-        let permit = u32::try_from(units)
-            .ok()
-            .and_then(|units| Arc::clone(&self.answers).try_acquire_many_owned(units).ok());
-        let Some(permit) = permit else {
-            let detail = format!("{} bytes of pictures are on their way already", self.limits.answer_bytes);
-            return Err(Problem::new(ErrorKind::Unavailable, detail));
-        };
-        Ok(Bytes::from_owner(HeldFile { bytes, _permit: permit }))
+        let place = self.shared_many(&self.answers, units, "KiB of pictures are on their way")?;
+        Ok(Bytes::from_owner(HeldFile { bytes, _place: place }))
     }
 
     /// Runs `work` where it may take its time; the number of such works at once is bounded, and so are the bytes of
@@ -138,14 +140,14 @@ impl Api {
         &self,
         work: impl FnOnce() -> Result<Vec<u8>, EncodeError> + Send + 'static,
     ) -> Result<Encoded, Problem> {
-        let permit = Arc::clone(&self.encoders).acquire_owned().await.expect("the semaphore is never closed");
+        let turn = self.turn(&self.encoders).await;
         let clock = Arc::clone(&self.clock);
         let timed = move || {
             let start = clock.monotonic();
             let bytes = work()?;
             let took = clock.monotonic().saturating_sub(start);
             let tag = EntityTag::of(&bytes);
-            drop(permit);
+            drop(turn);
             Ok::<_, EncodeError>((bytes, tag, took))
         };
         match tokio::task::spawn_blocking(timed).await {

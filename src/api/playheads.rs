@@ -20,6 +20,7 @@ use serde_json::json;
 use std::convert::Infallible;
 use std::time::Duration;
 use tokio::sync::watch;
+use videofields_recording::store::DocumentKind;
 use videofields_service::catalog::{CatalogError, Condition, PlayheadAsked};
 use videofields_service::engine::{ENDED, EngineError, Handle, PlayheadState};
 use videofields_vision::access::Role;
@@ -48,7 +49,7 @@ pub(super) fn routes() -> Routes {
         .role(Role::Operator)
         .takes(schema::named("PlayheadChange"))
         .may_be_conditional()
-        .may_fail(&[409])
+        .may_fail(&[409, 422])
         .answers(shown(200, "It is changed"))
         .answers(shown(201, "It is made"));
     let change = Operation::new("change_playhead", "Changes a playhead by the members that come")
@@ -110,6 +111,10 @@ pub(super) async fn put(
         let message = "a playhead's name is 1 to 64 of a-z, 0-9, - and _, the first a letter or digit";
         return Err(EngineError::Request(Fault::new("id", message)).into());
     }
+    api.check_operator("moving a playhead")?;
+    if api.door.playhead(&id).is_err() {
+        api.check_name(DocumentKind::Playhead, &id)?;
+    }
     let (body, condition) = (read_body(&body)?, optional(&headers)?);
     changed(&api, (id, condition), move |door, id| door.put_playhead(id, body)).await
 }
@@ -136,8 +141,7 @@ async fn changed(
 ) -> Result<Response, Problem> {
     let (version, is_new, state) = match &api.catalog {
         Some(catalog) => {
-            let by = api.identity.caller.user.clone();
-            let asked = PlayheadAsked { id, condition, by };
+            let asked = PlayheadAsked { id, condition, by: api.changer() };
             let moved = catalog.move_playhead((&api.door, &api.whole), asked, change).await;
             let (version, is_new, state) = moved.map_err(|error| catalog_problem_of(api, error))?;
             (Some(version), is_new, state)
@@ -166,7 +170,7 @@ pub(super) async fn remove(
     let condition = optional(&headers)?;
     match &api.catalog {
         Some(catalog) => {
-            let asked = PlayheadAsked { id, condition, by: api.identity.caller.user.clone() };
+            let asked = PlayheadAsked { id, condition, by: api.changer() };
             let removed = catalog.remove_playhead((&api.door, &api.whole), asked).await;
             removed.map_err(|error| catalog_problem_of(&api, error))?;
         }

@@ -10,6 +10,7 @@ use super::parameters::Parameter;
 use super::query::Query;
 use super::scenes::problem_of;
 use super::segments::Segments;
+use super::shares::Place;
 use super::{events, scenes, schema};
 use axum::extract::RawQuery;
 use axum::http::header;
@@ -21,7 +22,6 @@ use std::convert::Infallible;
 use std::ops::RangeInclusive;
 use std::sync::Arc;
 use std::time::Duration;
-use tokio::sync::OwnedSemaphorePermit;
 use tokio::time::{Interval, MissedTickBehavior};
 use videofields_service::engine::{EngineError, Present, PresentEntity};
 use videofields_vision::access::Right;
@@ -86,7 +86,7 @@ struct Following {
     id: String,
     ticks: Interval,
     told: Option<Arc<Present>>,
-    _permit: OwnedSemaphorePermit,
+    _permit: Place<String>,
 }
 
 impl Following {

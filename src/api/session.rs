@@ -1,6 +1,5 @@
 //! `/api/v1/session`: who the caller is, and logging a page or a wall's screen in and out.
 
-use super::Site;
 use super::address;
 use super::audit::{Actor, Noted};
 use super::content::Content;
@@ -14,6 +13,7 @@ use super::query::Query;
 use super::schema;
 use super::tune::{read_members, refuse_foreign};
 use super::users;
+use super::{Api, Site};
 use axum::Json;
 use axum::extract::RawQuery;
 use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
@@ -61,13 +61,13 @@ pub(super) fn routes() -> Routes {
 /// Who asks.
 pub(super) async fn show(Asked(api): Asked, RawQuery(raw): RawQuery) -> Result<Response, Problem> {
     Query::parse(raw.as_deref(), NONE).finish(Some(()))?;
-    Ok(([NO_STORE], Json(document(&api.identity))).into_response())
+    Ok(([NO_STORE], Json(document(&api))).into_response())
 }
 
-fn document(Identity { caller, .. }: &Identity) -> Value {
-    let Caller { user, grants, csrf_token } = caller;
+fn document(api: &Api) -> Value {
+    let Caller { user, grants, csrf_token } = &api.identity.caller;
     let role = (user.is_some() || grants.is_everything()).then(|| grants.role());
-    json!({ "user": user, "role": role, "csrf_token": csrf_token })
+    json!({ "user": user, "role": role, "csrf_token": csrf_token, "name_ending": api.name_ending() })
 }
 
 /// Logs a page in: its key is in a cookie that scripts cannot read.
@@ -111,9 +111,10 @@ pub(super) async fn log_in(
             return Err(Problem::at(ErrorKind::Invalid, vec![Fault::new("", detail)]));
         }
     };
-    let mut response = ([NO_STORE], Json(document(&identity))).into_response();
+    let api = Api { identity, ..api };
+    let mut response = ([NO_STORE], Json(document(&api))).into_response();
     response.headers_mut().insert(header::SET_COOKIE, cookie);
-    if let Some(user) = identity.caller.user {
+    if let Some(user) = api.identity.caller.user {
         response.extensions_mut().insert(Actor(user));
     }
     let from = from.map_or_else(|| "unknown".to_owned(), |address| address.to_string());

@@ -1,13 +1,15 @@
 //! Places that callers share fairly.
 //!
-//! Whoever asks may hold so many times as many places as are left free: one caller alone never gets all of them, and who comes next
-//! finds some, without anybody being told of the others (dynamic thresholds, `[CH98]` Choudhury, Hahne 1998, Dynamic queue length
-//! thresholds for shared-memory packet switches). Many callers together can still take all. Callers whom nothing tells apart share
-//! without such a bound.
+//! Whoever asks may hold so many times as many places as are left free ([`Share`]): one caller alone never gets all of them. Callers
+//! whom nothing tells apart share without such a bound.
 
+use super::Api;
+use super::error::Problem;
 use std::collections::HashMap;
 use std::hash::Hash;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use videofields_vision::access::{Full, Share};
+use videofields_vision::error::ErrorKind;
 
 /// Places that callers share, who are told apart by a key.
 #[derive(Debug)]
@@ -15,9 +17,7 @@ pub(super) struct Shares<K>(Arc<Inner<K>>);
 
 #[derive(Debug)]
 struct Inner<K> {
-    n_places: usize,
-    /// Places that one caller may hold for each that is free.
-    greed: usize,
+    share: Share,
     taken: Mutex<Taken<K>>,
 }
 
@@ -33,15 +33,8 @@ struct Taken<K> {
 pub(super) struct Place<K: Eq + Hash> {
     inner: Arc<Inner<K>>,
     caller: Option<K>,
-}
-
-/// The reason why a caller gets no place.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Full {
-    /// All places, so many, are taken.
-    All(usize),
-    /// The caller holds so many, which is its share.
-    Own(usize),
+    /// Places that it is.
+    n: usize,
 }
 
 impl<K> Clone for Shares<K> {
@@ -54,26 +47,25 @@ impl<K: Clone + Eq + Hash> Shares<K> {
     /// Returns so many free places, of which one caller may hold up to `greed` for each that is free.
     pub(super) fn new(n_places: usize, greed: usize) -> Self {
         let taken = Mutex::new(Taken { n_taken: 0, by_caller: HashMap::new() });
-        Self(Arc::new(Inner { n_places, greed, taken }))
+        Self(Arc::new(Inner { share: Share::new(n_places, greed), taken }))
     }
 
     /// Takes a place for a caller; none where all are taken, or the caller holds its share.
     pub(super) fn take(&self, caller: Option<K>) -> Result<Place<K>, Full> {
+        self.take_many(caller, 1)
+    }
+
+    /// Takes so many places at once.
+    pub(super) fn take_many(&self, caller: Option<K>, n: usize) -> Result<Place<K>, Full> {
         let mut taken = self.0.lock();
-        let n_free = self.0.n_places.saturating_sub(taken.n_taken);
-        if n_free == 0 {
-            return Err(Full::All(self.0.n_places));
+        let n_own = caller.as_ref().map(|caller| taken.by_caller.get(caller).copied().unwrap_or(0));
+        self.0.share.check_many(taken.n_taken, n_own, n)?;
+        if let Some((caller, n_own)) = caller.as_ref().zip(n_own) {
+            taken.by_caller.insert(caller.clone(), n_own + n);
         }
-        if let Some(caller) = &caller {
-            let n_own = taken.by_caller.get(caller).copied().unwrap_or(0);
-            if n_own >= self.0.greed * n_free {
-                return Err(Full::Own(n_own));
-            }
-            taken.by_caller.insert(caller.clone(), n_own + 1);
-        }
-        taken.n_taken += 1;
+        taken.n_taken += n;
         drop(taken);
-        Ok(Place { inner: Arc::clone(&self.0), caller })
+        Ok(Place { inner: Arc::clone(&self.0), caller, n })
     }
 }
 
@@ -87,15 +79,44 @@ impl<K> Inner<K> {
 impl<K: Eq + Hash> Drop for Place<K> {
     fn drop(&mut self) {
         let mut taken = self.inner.lock();
-        taken.n_taken -= 1;
+        taken.n_taken -= self.n;
         let Some(caller) = &self.caller else { return };
         let is_last = taken.by_caller.get_mut(caller).is_none_or(|n_own| {
-            *n_own -= 1;
+            *n_own -= self.n;
             *n_own == 0
         });
         if is_last {
             taken.by_caller.remove(caller);
         }
+    }
+}
+
+impl Api {
+    /// Takes a place that users share; `what` it is for, as a refusal says it: "streams are running".
+    ///
+    /// # Errors
+    /// When all are taken, or the user holds its share.
+    pub(super) fn shared(&self, places: &Shares<String>, what: &str) -> Result<Place<String>, Problem> {
+        self.shared_many(places, 1, what)
+    }
+
+    /// Takes so many places at once that users share.
+    ///
+    /// # Errors
+    /// As [`Self::shared`].
+    pub(super) fn shared_many(
+        &self,
+        places: &Shares<String>,
+        n: usize,
+        what: &str,
+    ) -> Result<Place<String>, Problem> {
+        places.take_many(self.identity.caller.user.clone(), n).map_err(|full| {
+            let hint = match full {
+                Full::All(_) => "",
+                Full::Own(_) => ": finish some of them first",
+            };
+            Problem::new(ErrorKind::Unavailable, format!("{}{hint}", full.told(what, "of this user")))
+        })
     }
 }
 

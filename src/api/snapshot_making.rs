@@ -6,6 +6,7 @@ use super::error::Problem;
 use super::identity::Asked;
 use super::parameters::NONE;
 use super::query::Query;
+use super::shares::Shares;
 use super::snapshots::{summary, within};
 use super::tune::{read_members, refuse_foreign};
 use super::{Api, cameras, idempotency, scenes, view};
@@ -58,6 +59,14 @@ pub(super) async fn make(
     idempotency::once(&api, keyed, begin(&api, &body)).await
 }
 
+/// Snapshots that users make at once, of one user one; the daemon makes as many.
+const AT_ONCE: usize = 2;
+
+/// Returns the places of snapshots that are being made.
+pub(super) fn places() -> Shares<String> {
+    Shares::new(AT_ONCE, 1)
+}
+
 async fn begin(api: &Api, body: &[u8]) -> Result<Response, Problem> {
     let body: Body = read_members(body)?;
     let subject = subject(api, &body)?;
@@ -66,6 +75,7 @@ async fn begin(api: &Api, body: &[u8]) -> Result<Response, Problem> {
     let (note, tags, blur_people) = (note.clone(), tags.clone(), blur_people.clone());
     let wanted = Wanted { subject, note, tags, hold: *hold, blur_people };
     let caller = &api.identity.caller;
+    let _place = api.shared(&api.snapshot_makings, "snapshots are being made")?;
     let maker = Maker { user: caller.user.as_deref(), schedule: None, grants: &caller.grants };
     let made = api.evidence()?.make(&api.door, maker, wanted).await;
     let made = made.map_err(|error| match error {

@@ -6,6 +6,7 @@ use super::conditions::{etag, required};
 use super::content::Content;
 use super::error::Problem;
 use super::files;
+use super::guests::Attended;
 use super::identity::Asked;
 use super::openapi::Routes;
 use super::operation::{Answer, Operation};
@@ -14,6 +15,7 @@ use super::parameters::{NONE, Parameter};
 use super::query::Query;
 use super::schema;
 use super::segments::Segments;
+use super::shares::Shares;
 use super::tune::{read_members, refuse_foreign};
 use axum::Json;
 use axum::body::Body;
@@ -267,6 +269,14 @@ async fn serve(opened: File, name: &str, request: Request) -> Result<Response, P
     Ok(response)
 }
 
+/// Archives that are on their way at once, of one user half; the daemon sends as many.
+const ARCHIVES_AT_ONCE: usize = 8;
+
+/// Returns the places of archives that are on their way.
+pub(super) fn archive_places() -> Shares<String> {
+    Shares::new(ARCHIVES_AT_ONCE, 1)
+}
+
 /// Everything of a snapshot as one file.
 pub(super) async fn archive(
     Asked(api): Asked,
@@ -277,6 +287,7 @@ pub(super) async fn archive(
     let reader = api.reader()?;
     reader.one(&id).await?;
     let noted = check_unhidden(&api, &id).await?;
+    let place = api.shared(&api.archives, "archives of snapshots are on their way")?;
     let bundle = reader.bundle(&id).await?;
     let fields = [
         (header::CONTENT_TYPE, "application/x-tar".to_owned()),
@@ -284,7 +295,8 @@ pub(super) async fn archive(
         (header::CONTENT_DISPOSITION, format!("attachment; filename=\"{}\"", bundle.name)),
         (header::CACHE_CONTROL, "no-store".to_owned()),
     ];
-    Ok(with(noted, (fields, Body::from_stream(bundle.into_stream())).into_response()))
+    let body = Attended { body: Body::from_stream(bundle.into_stream()), _held: place };
+    Ok(with(noted, (fields, Body::new(body)).into_response()))
 }
 
 /// Whether a snapshot is as it was sealed.

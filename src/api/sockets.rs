@@ -11,8 +11,9 @@ use super::openapi::Routes;
 use super::operation::{Answer, Operation};
 use super::parameters::{Parameter, words};
 use super::query::Query;
-use super::screens::{Health, Place};
+use super::screens::{self, Health};
 use super::segments::Segments;
+use super::shares::Place;
 use super::tune::{is_own_origin, refuse_foreign};
 use super::wall_tiles::Wishes;
 use super::{Api, Site, effects, effort, scenes, view, views, walls};
@@ -25,7 +26,6 @@ use futures_util::future::BoxFuture;
 use serde::Deserialize;
 use std::collections::VecDeque;
 use std::time::Duration;
-use tokio::sync::OwnedSemaphorePermit;
 use videofields_service::wall::FrameHeader;
 use videofields_vision::access::Right;
 use videofields_vision::clock::Timestamp;
@@ -230,14 +230,14 @@ struct Talk {
     on_their_way: VecDeque<u64>,
     n_failures: u32,
     /// Of a tile, that it is shown here.
-    screen: Option<Place>,
+    screen: Option<screens::Place>,
 }
 
 /// A source and what it shows.
 type Next = BoxFuture<'static, (Source, Result<Shown, Problem>)>;
 
 impl Talk {
-    async fn hold(mut self, mut socket: WebSocket, source: Source, _permit: OwnedSemaphorePermit) {
+    async fn hold(mut self, mut socket: WebSocket, source: Source, _permit: Place<String>) {
         let connection = self.api.connection.clone();
         let end = tokio::select! {
             end = self.go_on(&mut socket, source) => end,

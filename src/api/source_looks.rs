@@ -11,6 +11,7 @@ use super::operation::{Answer, Operation};
 use super::parameters::NONE;
 use super::picture::write_yuv;
 use super::query::Query;
+use super::shares::Shares;
 use super::tune::{read_members, refuse_foreign};
 use super::{Api, cameras, schema};
 use axum::Json;
@@ -21,7 +22,6 @@ use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use serde::Deserialize;
 use serde_json::{Value, json};
-use std::sync::Arc;
 use std::time::Duration;
 use videofields_service::engine::{Look, StopFlag};
 use videofields_vision::access::Role;
@@ -29,8 +29,9 @@ use videofields_vision::config::{MadeCamera, Place, SourceSettings};
 use videofields_vision::encode::PictureFormat;
 use videofields_vision::error::{ErrorKind, Fault};
 
-/// Sources that are looked at at once; more get 503.
-pub(super) const AT_ONCE: usize = 2;
+/// Sources that are looked at at once, of one user two; more get 503.
+const AT_ONCE: usize = 3;
+const GREED: usize = 2;
 
 /// Longest time for a picture to come: the answer must begin within the limit of a request.
 const TIME: Duration = Duration::from_secs(8);
@@ -89,10 +90,13 @@ fn check_time(source: &SourceSettings, at_secs: Option<f64>) -> Result<(), Probl
     Err(Problem::at(ErrorKind::Invalid, vec![Fault::new("/at_secs", message)]))
 }
 
+/// Returns the places of looks at sources.
+pub(super) fn places() -> Shares<String> {
+    Shares::new(AT_ONCE, GREED)
+}
+
 async fn looked_at(api: &Api, source: SourceSettings, at_secs: f64) -> Result<Value, Problem> {
-    let turn = Arc::clone(&api.looks).try_acquire_owned().map_err(|_none_left| {
-        Problem::new(ErrorKind::Unavailable, format!("{AT_ONCE} sources are being looked at already"))
-    })?;
+    let turn = api.shared(&api.looks, "sources are being looked at")?;
     let (stop, place) = (StopFlag::default(), place_of(&source));
     let until = stop.clone();
     let looked = api.ask("looking at a source", move |door| {

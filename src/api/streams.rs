@@ -9,6 +9,7 @@ use super::operation::{Answer, Operation};
 use super::picture::Picture;
 use super::query::Query;
 use super::segments::Segments;
+use super::shares::Place;
 
 use super::Api;
 use super::wall_tiles::Wishes;
@@ -19,7 +20,6 @@ use axum::http::{HeaderValue, header};
 use axum::response::{IntoResponse, Response};
 use futures_util::stream::{self, StreamExt};
 use std::convert::Infallible;
-use tokio::sync::OwnedSemaphorePermit;
 use videofields_vision::access::Right;
 use videofields_vision::encode::PictureFormat;
 
@@ -98,7 +98,7 @@ struct Running {
     source: Source,
     /// What was drawn already.
     first: Option<Picture>,
-    _permit: OwnedSemaphorePermit,
+    _permit: Place<String>,
 }
 
 async fn begin(api: Api, mut source: Source) -> Result<Response, Problem> {

@@ -106,7 +106,7 @@ pub(super) async fn show(
     let started = api.clock.monotonic();
     let clock = Arc::clone(&api.clock);
     // Held until the last picture is decoded, though nobody waits for it any more.
-    let turn = Arc::clone(&api.strips).acquire_owned().await.expect("the semaphore is never closed");
+    let turn = api.turn(&api.strips).await;
     let look = move |door: Handle| {
         let found = tiles(&door, &*clock, &id, (from, to), (n_tiles, height_px));
         drop(turn);

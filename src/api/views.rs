@@ -93,13 +93,17 @@ impl kept::Kind for NamedView {
     }
 
     fn check(&self) -> Result<(), Problem> {
-        let Err(faults) = view::read_kept(&self.scene, &self.parameters) else { return Ok(()) };
+        let Err(faults) = self.request() else { return Ok(()) };
         let at = |fault: Fault| Fault::new("/parameters", format!("{}: {}", fault.place, fault.message));
         Err(Problem::at(ErrorKind::Invalid, faults.into_iter().map(at).collect()))
     }
 
     fn scene(&self) -> &str {
         &self.scene
+    }
+
+    fn request(&self) -> Result<ViewRequest, Vec<Fault>> {
+        view::read_kept(&self.scene, &self.parameters)
     }
 
     fn summary(kept: &Kept<Self>) -> Value {

@@ -7,7 +7,7 @@ use super::picture::files;
 use super::{documents, kept, schema, view};
 use serde_json::{Value, json};
 use videofields_recording::store::DocumentKind;
-use videofields_service::engine::ViewKind;
+use videofields_service::engine::{ViewKind, ViewRequest};
 use videofields_service::wall::Wall;
 use videofields_vision::error::{ErrorKind, Fault};
 
@@ -74,8 +74,7 @@ impl kept::Kind for Wall {
         if let Some(name) = names.find(|name| OWN.contains(name)) {
             return Err(at(format!("{name}: is what the wall's other members say")));
         }
-        let read = view::read_view_request(&self.scene, &self.parameters);
-        let request = read.map_err(|faults| at(videofields_vision::error::join_faults(&faults)))?;
+        let request = self.request().map_err(|faults| at(videofields_vision::error::join_faults(&faults)))?;
         // A field of view or the like would mean nothing.
         if request.kind == ViewKind::default() && request.fov_y_rad.is_none() {
             return Ok(());
@@ -85,6 +84,10 @@ impl kept::Kind for Wall {
 
     fn scene(&self) -> &str {
         &self.scene
+    }
+
+    fn request(&self) -> Result<ViewRequest, Vec<Fault>> {
+        view::read_view_request(&self.scene, &self.parameters)
     }
 
     fn summary(kept: &Kept) -> Value {

@@ -15,6 +15,7 @@ mod jobs;
 mod playheads;
 mod refusals;
 mod server;
+mod shares;
 pub(crate) mod sockets;
 mod strangers;
 mod streams;

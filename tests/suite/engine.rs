@@ -14,6 +14,7 @@ mod feed;
 mod footage;
 mod frozen;
 mod held;
+mod hidden;
 pub(crate) mod house;
 mod hulls;
 mod jobs;

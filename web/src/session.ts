@@ -8,10 +8,13 @@ import { say } from "./strings";
 const SESSION = "/api/v1/session";
 
 export type Role = components["schemas"]["Role"];
-type Session = { user: string | null; role: Role | null; csrf_token: string | null };
+type Session = { user: string | null; role: Role | null; csrf_token: string | null; name_ending: string | null };
 
 /** Who it is; undefined until the daemon has said it. `role` is null of a stranger. */
 export const session = signal<Session | undefined>(undefined);
+
+/** What names end with that this user gives; empty where they may be any. */
+export const nameEnding = () => session.value?.name_ending ?? "";
 
 async function asked(method: string, body?: object): Promise<Session | null> {
   const init: RequestInit = { method };

@@ -94,6 +94,11 @@ pub(crate) fn caller() -> Value {
         ("user", nullable(id()), "Its name; null of who did not log in, and where there are no users"),
         ("role", nullable(named("Role")), "What it may do beside seeing"),
         ("csrf_token", nullable(text()), "What a page sends as `X-CSRF-Token` with a change"),
+        (
+            "name_ending",
+            nullable(text()),
+            "What names end with that it gives to views, walls and playheads; null where they may be any",
+        ),
     ])
 }
 

@@ -13,6 +13,7 @@ use super::{Catalog, CatalogError};
 use crate::engine::Handle;
 use folder::{Part, stored, stored_all};
 use serde_json::Value;
+use std::collections::BTreeSet;
 use std::fs::File;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -170,11 +171,8 @@ impl Catalog {
 
     /// The scenes that name a file; those of the configuration's files find theirs elsewhere.
     fn scenes_naming(&self, file: &str) -> Vec<String> {
-        let named = format!("{ASSETS}/{file}");
         let kept = self.all(DocumentKind::Scene);
-        let is_naming = |document: &str| {
-            serde_json::from_str(document).is_ok_and(|document: Value| names(&document, &named))
-        };
+        let is_naming = |document: &str| assets_named(document).contains(file);
         let naming = kept.iter().filter(|record| record.document.as_deref().is_some_and(is_naming));
         naming.map(|record| record.id.clone()).collect()
     }
@@ -196,15 +194,26 @@ impl Catalog {
     }
 }
 
-/// Whether a document has a member `file` with that text.
-fn names(document: &Value, file: &str) -> bool {
-    match document {
-        Value::Object(members) => members
-            .iter()
-            .any(|(name, value)| (name == "file" && value.as_str() == Some(file)) || names(value, file)),
-        Value::Array(items) => items.iter().any(|item| names(item, file)),
-        _ => false,
+/// Returns the files that a scene's document names as `assets/NAME`; none where it is no JSON.
+#[must_use]
+pub fn assets_named(document: &str) -> BTreeSet<String> {
+    fn gather(value: &Value, found: &mut BTreeSet<String>) {
+        match value {
+            Value::Object(members) => {
+                let file = members.get("file").and_then(Value::as_str);
+                let name = file.and_then(|file| file.strip_prefix(ASSETS)?.strip_prefix('/'));
+                found.extend(name.map(str::to_owned));
+                members.values().for_each(|value| gather(value, found));
+            }
+            Value::Array(items) => items.iter().for_each(|item| gather(item, found)),
+            _ => {}
+        }
     }
+    let mut found = BTreeSet::new();
+    if let Ok(document) = serde_json::from_str::<Value>(document) {
+        gather(&document, &mut found);
+    }
+    found
 }
 
 /// Does what waits for the disk on a thread that may.

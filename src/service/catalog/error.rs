@@ -107,6 +107,14 @@ pub enum CatalogError {
         /// As many.
         most: usize,
     },
+    /// The user has made as many as one may.
+    #[error("you have made {most} of {} that are there, the most of one user: remove one first", kind.as_str())]
+    Quota {
+        /// Of what.
+        kind: DocumentKind,
+        /// As many.
+        most: usize,
+    },
     /// The document's faults.
     #[error("{}", join_faults(.0))]
     Faults(Vec<Fault>),
@@ -160,7 +168,7 @@ impl CatalogError {
                 io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded => ErrorKind::StorageFull,
                 _ => ErrorKind::Internal,
             },
-            Self::TooMany { .. } => ErrorKind::TooLarge,
+            Self::TooMany { .. } | Self::Quota { .. } => ErrorKind::TooLarge,
             Self::Faults(_) => ErrorKind::Invalid,
             Self::Scene(error) => error.kind(),
             Self::Engine(error) => error.kind(),

@@ -12,20 +12,23 @@ mod error;
 mod made_cameras;
 mod playheads;
 mod privacy;
+mod quota;
 mod scenes;
 mod view;
 
-pub use assets::{Asset, AssetFormat, MAX_ASSET_BYTES, MAX_ASSETS, MAX_ASSETS_BYTES};
+pub use assets::{Asset, AssetFormat, MAX_ASSET_BYTES, MAX_ASSETS, MAX_ASSETS_BYTES, assets_named};
 pub use cameras::CameraAsked;
 pub use error::CatalogError;
 pub use made_cameras::CameraDocument;
 pub use playheads::PlayheadAsked;
 pub use privacy::KeptPrivacy;
+pub use quota::{Changer, MAX_DOCUMENTS};
 pub use scenes::ConfiguredScene;
 pub use view::NamedView;
 
 use crate::engine::Privacy;
 use serde::Serialize;
+use std::cmp::Reverse;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::sync::{Arc, PoisonError, RwLock, RwLockReadGuard};
@@ -37,8 +40,8 @@ use videofields_vision::config::CameraSettings;
 use videofields_vision::frame::CameraId;
 use videofields_vision::private_files::MediaFolders;
 
-/// Most documents of a kind; of scenes, those of the configuration count too. As many that were removed are remembered.
-pub const MAX_DOCUMENTS: usize = 256;
+/// Documents of a kind that are remembered though they were removed.
+const MAX_REMOVED: usize = 256;
 
 /// Scenes that are read at once: each may take seconds and some hundred MiB.
 const READ_AT_ONCE: usize = 2;
@@ -82,6 +85,7 @@ pub struct Catalog {
     clock: Arc<dyn Clock>,
     /// The newest version of every document, those removed too.
     newest: RwLock<BTreeMap<(DocumentKind, String), Arc<DocumentRecord>>>,
+    makers: RwLock<quota::Makers>,
     /// Documents that are read at once: some take seconds.
     reading: Semaphore,
     /// One change after the other, so that the engine's scenes are those that were kept last.
@@ -131,6 +135,10 @@ impl Catalog {
             let records = store.newest_documents(kind).await?;
             newest.extend(records.into_iter().map(|record| ((kind, record.id.clone()), Arc::new(record))));
         }
+        let known = newest
+            .iter()
+            .map(|((kind, _), record): (&(DocumentKind, String), &Arc<DocumentRecord>)| (*kind, &**record));
+        let makers = quota::makers(&store, known).await?;
         let scenes = configured.into_iter().map(|of| (of.id.clone(), of)).collect();
         let zones = privacy::Zones::read(&store).await?;
         assets::tidy(store.path());
@@ -138,6 +146,7 @@ impl Catalog {
             store,
             clock,
             newest: RwLock::new(newest),
+            makers: RwLock::new(makers),
             reading: Semaphore::new(READ_AT_ONCE),
             changes: tokio::sync::Mutex::default(),
             camera_changes: tokio::sync::Mutex::default(),
@@ -202,6 +211,12 @@ impl Catalog {
         }
     }
 
+    /// Returns the user who changed a document last, also one that was taken away by it; none where nothing is remembered of it.
+    #[must_use]
+    pub fn last_changed_by(&self, kind: DocumentKind, id: &str) -> Option<Option<String>> {
+        self.newest(kind, id).map(|record| record.changed_by.clone())
+    }
+
     /// The newest version of a document that is kept.
     ///
     /// # Errors
@@ -259,16 +274,20 @@ impl Catalog {
     /// Keeps a document that was checked, and answers its version.
     ///
     /// # Errors
-    /// [`CatalogError::Changed`] where `condition` does not hold, [`CatalogError::TooMany`], [`CatalogError::Store`].
+    /// [`CatalogError::Changed`] where `condition` does not hold, [`CatalogError::Quota`], [`CatalogError::TooMany`],
+    /// [`CatalogError::Store`].
     pub async fn put(
         &self,
         (kind, id): (DocumentKind, &str),
         document: String,
         condition: Condition,
-        by: Option<String>,
+        by: Changer,
     ) -> Result<i64, CatalogError> {
         let _turn = self.changes.lock().await;
-        let record = self.add((kind, id), Some(document), condition, by).await?;
+        if !self.check_condition((kind, id), condition)?.is_there {
+            self.check_room(kind, &by)?;
+        }
+        let record = self.add((kind, id), Some(document), condition, by.user).await?;
         Ok(self.publish(kind, record))
     }
 
@@ -299,8 +318,9 @@ impl Catalog {
     ) -> Result<DocumentRecord, CatalogError> {
         let State { version: was, is_there } = self.check_condition((kind, id), condition)?;
         let is_new = !is_there || (kind == DocumentKind::Camera && was == 0);
-        if document.is_some() && is_new && self.count(kind) >= MAX_DOCUMENTS {
-            return Err(CatalogError::TooMany { kind, most: MAX_DOCUMENTS });
+        let most = Self::most(kind);
+        if document.is_some() && is_new && self.count(kind) >= most {
+            return Err(CatalogError::TooMany { kind, most });
         }
         if was == 0 {
             self.make_room(kind).await?;
@@ -338,19 +358,26 @@ impl Catalog {
     /// Makes a version that was written the newest that is known; answers its number.
     fn publish(&self, kind: DocumentKind, record: DocumentRecord) -> i64 {
         let version = record.version;
+        self.note_maker(kind, &record, self.state(kind, &record.id));
         let mut newest = self.newest.write().unwrap_or_else(PoisonError::into_inner);
         newest.insert((kind, record.id.clone()), Arc::new(record));
         version
     }
 
-    /// Forgets the document that was removed first, where as many are remembered as may be.
+    /// Forgets one that was removed, where as many are remembered as may be: of these that the user removed who removed most, the first.
     async fn make_room(&self, kind: DocumentKind) -> Result<(), CatalogError> {
         let oldest = {
             let newest = self.newest.read().unwrap_or_else(PoisonError::into_inner);
-            let removed = newest.iter().filter(|((of, _), record)| *of == kind && record.document.is_none());
-            let is_full = removed.clone().count() >= MAX_DOCUMENTS;
-            let oldest = removed.min_by_key(|(_, record)| record.changed_at).map(|((_, id), _)| id.clone());
-            oldest.filter(|_| is_full)
+            let removed: Vec<_> = newest
+                .iter()
+                .filter(|((of, _), record)| *of == kind && record.document.is_none())
+                .map(|((_, id), record)| (id, record))
+                .collect();
+            let mut n_by: BTreeMap<&Option<String>, usize> = BTreeMap::new();
+            removed.iter().for_each(|(_, record)| *n_by.entry(&record.changed_by).or_default() += 1);
+            let rank = |record: &DocumentRecord| (Reverse(n_by.get(&record.changed_by)), record.changed_at);
+            let oldest = removed.iter().min_by_key(|(_, record)| rank(record)).map(|(id, _)| (*id).clone());
+            oldest.filter(|_| removed.len() >= MAX_REMOVED)
         };
         let Some(oldest) = oldest else { return Ok(()) };
         self.store.forget_document(kind, &oldest).await?;

@@ -1,9 +1,10 @@
 //! Playheads, which stand or move after a restart where they stood or were meanwhile.
 
-use super::{Catalog, CatalogError, Condition};
+use super::{Catalog, CatalogError, Changer, Condition};
 use crate::engine::{EngineError, Handle, PlayheadState};
 use videofields_recording::store::DocumentKind;
 use videofields_recording::timeline::PlayheadMode;
+use videofields_vision::access::Role;
 
 /// Who changes which playhead, and what they must find.
 #[derive(Clone, Debug)]
@@ -12,8 +13,8 @@ pub struct PlayheadAsked {
     pub id: String,
     /// What the change must find; none where anything may be there.
     pub condition: Option<Condition>,
-    /// Who changes it; none where there are no users.
-    pub by: Option<String>,
+    /// Who changes it.
+    pub by: Changer,
 }
 
 impl Catalog {
@@ -26,8 +27,8 @@ impl Catalog {
     /// Makes a playhead, or changes it, as `change` asks of the door, and keeps it: its version, whether it is new, and its state.
     ///
     /// # Errors
-    /// What `change` fails with, [`CatalogError::Changed`] where the condition does not hold, [`CatalogError::Store`]; it
-    /// stands where it stood then.
+    /// What `change` fails with, [`CatalogError::Changed`] where the condition does not hold, [`CatalogError::Quota`],
+    /// [`CatalogError::TooMany`], [`CatalogError::Store`]; it stands where it stood then.
     pub async fn move_playhead(
         &self,
         (door, whole): (&Handle, &Handle),
@@ -37,6 +38,9 @@ impl Catalog {
         let _turn = self.playhead_changes.lock().await;
         let before = whole.playhead(&asked.id).ok();
         let condition = self.check_playhead(&asked, before.as_ref(), door)?;
+        if before.is_none() {
+            self.check_room(DocumentKind::Playhead, &asked.by)?;
+        }
         let (door, id) = (door.clone(), asked.id.clone());
         // A step may lead to what must be decoded first.
         let moved = tokio::task::spawn_blocking(move || change(door, &id)).await;
@@ -107,7 +111,8 @@ impl Catalog {
         for record in self.all(DocumentKind::Playhead) {
             let read = serde_json::from_str::<PlayheadState>(record.document.as_deref().unwrap_or_default());
             if read.is_ok_and(|state| state.scene == scene) {
-                let asked = PlayheadAsked { id: record.id.clone(), condition: None, by: by.cloned() };
+                let by = Changer { user: by.cloned(), role: Role::Admin };
+                let asked = PlayheadAsked { id: record.id.clone(), condition: None, by };
                 self.keep_playhead(&asked, None, Condition::Present).await?;
             }
         }
@@ -150,7 +155,7 @@ impl Catalog {
             return Ok(kept.version);
         }
         let of = (DocumentKind::Playhead, asked.id.as_str());
-        let record = self.add(of, document, condition, asked.by.clone()).await?;
+        let record = self.add(of, document, condition, asked.by.user.clone()).await?;
         Ok(self.publish(DocumentKind::Playhead, record))
     }
 }

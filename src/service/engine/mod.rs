@@ -68,7 +68,7 @@ pub use looking::{FoundCameras, FoundSources};
 pub use maps::{MapProgress, MapSummary};
 pub use offline::view_once;
 pub use planned::{OpenedBuilding, PlannedEntity, PlannedView};
-pub use playheads::{ENDED, PlayheadChange, PlayheadState};
+pub use playheads::{ENDED, MAX_PLAYHEADS, PlayheadChange, PlayheadState};
 pub use presence::{Present, PresentEntity, present_in};
 pub use privacy::{LiftedZone, Privacy, PrivacySummary};
 pub use reload::Reloader;

@@ -485,7 +485,7 @@ impl Door for Permitted {
     fn put_playhead(&self, id: &str, change: serde_json::Value) -> Result<PlayheadState, EngineError> {
         self.check_role(Role::Operator, "moving a playhead")?;
         if self.shared.playheads.find(id).is_ok() && self.own_playhead(id).is_err() {
-            return Err(EngineError::Forbidden(format!("the name {id} is taken")));
+            return Err(EngineError::Forbidden(format!("the name {id} is not yours to give")));
         }
         let change = Change::read(change)?;
         let first = self.scenes().into_iter().next().map(|scene| scene.id);

@@ -12,8 +12,8 @@ use videofields_vision::error::{Fault, Gatherer};
 /// What followers see once no change will come any more.
 pub const ENDED: u64 = u64::MAX;
 
-/// Playheads at most.
-const MAX_PLAYHEADS: usize = 64;
+/// Playheads at most, those of all users; how many each may make is the catalog's to say.
+pub const MAX_PLAYHEADS: usize = 320;
 
 /// A playhead as callers see it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -399,7 +399,7 @@ mod tests {
             assert!(playheads.replace(Entry::new(&format!("p{i}"), "plaza"), None).unwrap());
         }
         let full = playheads.replace(Entry::new("z", "plaza"), None).unwrap_err();
-        assert!(full.to_string().contains("64 playheads"), "{full}");
+        assert!(full.to_string().contains("320 playheads"), "{full}");
         playheads.remove("a").unwrap();
         assert!(matches!(playheads.remove("a"), Err(EngineError::NoPlayhead { .. })));
         let mut changes = playheads.subscribe();

@@ -1,11 +1,14 @@
 //! Who may see what: roles, and rights camera by camera.
 //!
 //! Plain values without I/O. In: what a user was granted. Out: [`Grants`], which say yes or no, and the [`Scope`] of
-//! cameras that a question may be answered from. Whoever answers for cameras asks these and nothing else.
+//! cameras that a question may be answered from. Whoever answers for cameras asks these and nothing else. And the [`Share`] of one
+//! caller of what there is little of.
 
 mod scope;
+mod share;
 
 pub use scope::Scope;
+pub use share::{Full, Share};
 
 use crate::frame::CameraId;
 use serde::{Deserialize, Serialize};
@@ -170,7 +173,13 @@ impl Grants {
     /// Whether the caller may know of a camera: who may see nothing of it does not learn that it is there.
     #[must_use]
     pub fn knows(&self, camera: &str) -> bool {
-        !self.everywhere.is_empty() || !self.of(camera).is_empty()
+        self.knows_all() || !self.of(camera).is_empty()
+    }
+
+    /// Returns whether the caller may know of every camera, also of those that come later.
+    #[must_use]
+    pub const fn knows_all(&self) -> bool {
+        !self.everywhere.is_empty()
     }
 
     /// Those of `cameras` that `is_allowed`; all there ever are, for an admin alone: a camera may come that the caller may not
@@ -219,9 +228,11 @@ mod tests {
         let grants = Grants::new(Role::Viewer, live, own.clone());
         assert!(grants.has("a", Right::Live) && grants.has("a", Right::History));
         assert!(grants.has("b", Right::Live) && !grants.has("b", Right::History));
-        assert!(!grants.is_everything() && grants.knows("b"));
+        assert!(!grants.is_everything() && grants.knows("b") && grants.knows_all());
         let grants = Grants::new(Role::Operator, Rights::default(), own);
-        assert!(!grants.knows("b") && grants.knows("a") && !grants.has("a", Right::Live));
+        assert!(
+            !grants.knows("b") && grants.knows("a") && !grants.has("a", Right::Live) && !grants.knows_all()
+        );
         let admin = Grants::new(Role::Admin, Rights::default(), BTreeMap::new());
         assert!(admin.is_everything() && admin.has("any", Right::Manage));
         assert!(!Grants::nothing().knows("a"));

@@ -59,7 +59,7 @@ async fn a_view_is_streamed_picture_after_picture() {
 async fn nothing_is_drawn_for_who_does_not_read_and_streams_are_bounded() {
     let bench = Bench::within(Limits::default(), State::default());
     let mut streams = Vec::new();
-    for _ in 0..64 {
+    for _ in 0..96 {
         streams.push(open(&bench, VIEW).await);
     }
     bench.door.0.lock().unwrap().view = None;

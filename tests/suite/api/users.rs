@@ -43,9 +43,9 @@ impl Clock for StoppedClock {
 /// The interface over a database of its own.
 pub(super) struct House {
     pub(super) bench: Bench,
-    accounts: Arc<Accounts>,
+    pub(super) accounts: Arc<Accounts>,
     clock: Arc<StoppedClock>,
-    store: Store,
+    pub(super) store: Store,
     _folder: TempDir,
 }
 
@@ -111,25 +111,25 @@ impl House {
         self.bench.send(request.body(body).unwrap()).await
     }
 
-    async fn get(&self, path: &str, shows: Shows<'_>) -> Answer {
+    pub(super) async fn get(&self, path: &str, shows: Shows<'_>) -> Answer {
         self.send("GET", path, shows, &[], Value::Null).await
     }
 
-    async fn user(&self, admin: &str, id: &str, body: Value) -> Answer {
+    pub(super) async fn user(&self, admin: &str, id: &str, body: Value) -> Answer {
         let path = format!("/api/v1/users/{id}");
         let known = self.accounts.user(id).map(|user| format!("\"{}\"", user.version));
         let condition = known.as_deref().map_or(("if-none-match", "*"), |tag| ("if-match", tag));
         self.send("PUT", &path, Shows::Token(admin), &[condition], body).await
     }
 
-    async fn log_in(&self, user: &str, password: &str) -> Answer {
+    pub(super) async fn log_in(&self, user: &str, password: &str) -> Answer {
         let body = json!({"user": user, "password": password});
         self.send("POST", "/api/v1/session", Shows::Nothing, &[], body).await
     }
 }
 
 /// The key of the cookie that an answer sets.
-fn key(answer: &Answer) -> String {
+pub(super) fn key(answer: &Answer) -> String {
     let cookie = answer.field("set-cookie");
     assert!(cookie.ends_with("; Path=/; HttpOnly; SameSite=Strict"), "{cookie}");
     let (pair, _) = cookie.split_once(';').unwrap();
@@ -177,7 +177,7 @@ async fn without_users_everybody_may_do_everything_and_the_first_is_an_admin() {
     let house = House::new().await;
     assert_eq!(house.get("/api/v1/cameras", Shows::Nothing).await.status, 200);
     let who = house.get("/api/v1/session", Shows::Nothing).await.json();
-    assert_eq!(who, json!({"user": null, "role": "admin", "csrf_token": null}));
+    assert_eq!(who, json!({"user": null, "role": "admin", "csrf_token": null, "name_ending": null}));
     let path = "/api/v1/users/ann";
     let put = |body| house.send("PUT", path, Shows::Nothing, &[("if-none-match", "*")], body);
     // Nobody could come in after these.
@@ -215,7 +215,7 @@ async fn strangers_get_nothing_but_the_page_the_probes_and_the_log_in() {
         ready.status
     );
     let who = house.get("/api/v1/session", Shows::Nothing).await.json();
-    assert_eq!(who, json!({"user": null, "role": null, "csrf_token": null}));
+    assert_eq!(who, json!({"user": null, "role": null, "csrf_token": null, "name_ending": null}));
     // Whoever changes something, by any method.
     for (method, path) in [
         ("PATCH", "/api/v1/cameras/north/segment"),
@@ -257,7 +257,7 @@ async fn pages_log_in_prove_their_changes_and_log_out() {
     assert_eq!(logged.status, 200);
     let (key, proof) = (key(&logged), logged.json()["csrf_token"].as_str().unwrap().to_owned());
     let seen = house.get(path, Shows::Session(&key, None)).await.json();
-    assert_eq!(seen, json!({"user": "root", "role": "admin", "csrf_token": proof}));
+    assert_eq!(seen, json!({"user": "root", "role": "admin", "csrf_token": proof, "name_ending": null}));
     let change =
         |proof| house.send("PUT", "/api/v1/playheads/wall", Shows::Session(&key, proof), &[], json!({}));
     change(None).await.problem(403, "/api/v1/playheads/wall");

@@ -11,7 +11,7 @@ use videofields_api as api;
 use videofields_picture::plan::{Colors, EntityStyle};
 use videofields_recording::accounts::{Accounts, Audit, UserChange};
 use videofields_recording::store::DocumentKind;
-use videofields_service::catalog::{Catalog, Condition};
+use videofields_service::catalog::{Catalog, Changer, Condition};
 use videofields_service::engine::{
     At, Door, EngineError, Handle, LocateMethod, PlannedView, TrackQuery, ViewKind, ViewRequest,
 };
@@ -434,7 +434,7 @@ fn routes() -> Vec<String> {
 }
 
 /// Walls and views: of each one that is live and one that shows what a playhead does; and a wall of a scene that may be hidden.
-async fn walls(bench: &Bench, clock: &Arc<dyn Clock>) -> Catalog {
+pub(super) async fn walls(bench: &Bench, clock: &Arc<dyn Clock>) -> Catalog {
     let folders = (PathBuf::from("."), Vec::new());
     let catalog = Catalog::open(bench.store.clone(), Arc::clone(clock), Vec::new(), folders).await.unwrap();
     for (id, scene, playhead) in
@@ -447,14 +447,24 @@ async fn walls(bench: &Bench, clock: &Arc<dyn Clock>) -> Catalog {
             "surface": {"grid": {"columns": 2, "rows": 1, "tile_px": [32, 24], "tile_m": [0.4, 0.3]}},
         });
         if !catalog.state(DocumentKind::Wall, id).is_there {
-            let kept = catalog.put((DocumentKind::Wall, id), wall.to_string(), Condition::Absent, None);
+            let kept = catalog.put(
+                (DocumentKind::Wall, id),
+                wall.to_string(),
+                Condition::Absent,
+                Changer::anybody(),
+            );
             kept.await.unwrap();
         }
     }
     for (id, parameters) in [("gate", "eye=7,-7,5&target=0,0,0"), ("past", "t=playhead:wall")] {
         let view = json!({"scene": "yard", "parameters": parameters});
         if !catalog.state(DocumentKind::View, id).is_there {
-            let kept = catalog.put((DocumentKind::View, id), view.to_string(), Condition::Absent, None);
+            let kept = catalog.put(
+                (DocumentKind::View, id),
+                view.to_string(),
+                Condition::Absent,
+                Changer::anybody(),
+            );
             kept.await.unwrap();
         }
     }
@@ -464,10 +474,16 @@ async fn walls(bench: &Bench, clock: &Arc<dyn Clock>) -> Catalog {
 /// The interface of a daemon that has users.
 pub(super) fn router(bench: &Bench) -> axum::Router {
     let clock: Arc<dyn Clock> = Arc::new(SystemClock::new());
+    let catalog = Arc::new(bench.runtime.block_on(walls(bench, &clock)));
+    router_over(bench, catalog)
+}
+
+/// The interface over what a catalog keeps.
+pub(super) fn router_over(bench: &Bench, catalog: Arc<Catalog>) -> axum::Router {
+    let clock: Arc<dyn Clock> = Arc::new(SystemClock::new());
     bench.runtime.block_on(async {
         let accounts = Accounts::open(bench.store.clone(), Arc::clone(&clock)).await.unwrap();
         let audit = Arc::new(Audit::new(bench.store.clone()));
-        let catalog = Arc::new(walls(bench, &clock).await);
         let trust = api::Trust { accounts: Arc::new(accounts), audit, catalog, snapshots: None };
         api::router(bench.handle.clone(), trust, clock, api::Site::default())
     })

@@ -458,3 +458,23 @@ fn which_cameras_see_a_place_is_asked_of_those_that_the_caller_may_know_of() {
     }
     house.bench.stop();
 }
+
+#[test]
+fn archives_that_are_on_their_way_are_shared_by_users() {
+    let folder = TempDir::new().unwrap();
+    let house = House::new(folder.path());
+    let kept = json!({"camera": "north", "t": "1970-01-01T00:00:00.2Z"});
+    let made = house.send("both", "POST", ALL, None, kept);
+    assert_eq!(made.status, 201, "{}", made.body);
+    let path = format!("{ALL}/{}/archive.tar", made.body["id"].as_str().unwrap());
+    let mut held: Vec<_> = (0..4).map(|_| house.stream("both", &path)).collect();
+    let refused = house.get("both", &path);
+    assert_eq!((refused.status, refused.field("retry-after")), (503, "1"));
+    let told = refused.body["detail"].as_str().unwrap();
+    assert!(told.starts_with("4 archives of snapshots are on their way already of this user"), "{told}");
+    assert_eq!([house.get("half", &path).status, house.get("root", &path).status], [200, 200]);
+    held.pop();
+    assert_eq!(house.get("both", &path).status, 200);
+    drop(held);
+    house.bench.stop();
+}

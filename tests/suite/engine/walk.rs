@@ -30,44 +30,61 @@ const PICTURE_PIECES: usize = 6;
 
 /// An answer, times aside.
 #[derive(Clone, Debug, PartialEq, Eq)]
-struct Told {
-    status: u16,
+pub(super) struct Told {
+    pub(super) status: u16,
     fields: Vec<String>,
     tag: Option<String>,
-    body: Vec<u8>,
+    pub(super) body: Vec<u8>,
 }
 
 impl Told {
-    fn shown(&self) -> String {
+    /// The same with another text in the place of one.
+    pub(super) fn replaced(mut self, text: &str, other: &str) -> Self {
+        if let Ok(body) = std::str::from_utf8(&self.body) {
+            self.body = body.replace(text, other).into_bytes();
+        }
+        self
+    }
+
+    /// The same without these fields, also of the parts of a stream.
+    pub(super) fn without_fields(mut self, names: &[&str]) -> Self {
+        self.fields.retain(|field| !names.iter().any(|name| field.starts_with(&format!("{name}:"))));
+        for name in names {
+            self.body = fieldless(self.body, format!("{name}: ").as_bytes());
+        }
+        self
+    }
+
+    pub(super) fn shown(&self) -> String {
         let body = String::from_utf8_lossy(&self.body[..self.body.len().min(500)]).into_owned();
         format!("{} {}\n{body}", self.status, self.fields.join("; "))
     }
 
-    fn names(&self, name: &str) -> bool {
+    pub(super) fn names(&self, name: &str) -> bool {
         format!("{}{}", self.fields.join(" "), String::from_utf8_lossy(&self.body)).contains(name)
     }
 }
 
 /// What is asked.
 #[derive(Clone, Debug)]
-struct Ask {
+pub(super) struct Ask {
     method: &'static str,
-    path: String,
+    pub(super) path: String,
     fields: Vec<(&'static str, String)>,
     body: String,
 }
 
-fn look(path: impl Into<String>) -> Ask {
+pub(super) fn look(path: impl Into<String>) -> Ask {
     Ask { method: "GET", path: path.into(), fields: Vec::new(), body: String::new() }
 }
 
-fn change(method: &'static str, path: impl Into<String>, body: &Value) -> Ask {
+pub(super) fn change(method: &'static str, path: impl Into<String>, body: &Value) -> Ask {
     let body = if body.is_null() { String::new() } else { body.to_string() };
     Ask { method, path: path.into(), fields: Vec::new(), body }
 }
 
 impl Ask {
-    fn with(mut self, name: &'static str, value: impl Into<String>) -> Self {
+    pub(super) fn with(mut self, name: &'static str, value: impl Into<String>) -> Self {
         self.fields.push((name, value.into()));
         self
     }
@@ -109,16 +126,37 @@ fn event(text: &[u8]) -> Vec<u8> {
 }
 
 /// The parts of a stream of pictures without the numbers of a wall's frames.
-fn numberless(mut body: Vec<u8>) -> Vec<u8> {
-    const FIELD: &[u8] = b"videofields-wall-frame: ";
-    while let Some(at) = body.windows(FIELD.len()).position(|part| part == FIELD) {
+fn numberless(body: Vec<u8>) -> Vec<u8> {
+    fieldless(body, b"videofields-wall-frame: ")
+}
+
+/// The parts of a stream without a field.
+fn fieldless(mut body: Vec<u8>, field: &[u8]) -> Vec<u8> {
+    while let Some(at) = body.windows(field.len()).position(|part| part == field) {
         let length = body[at..].iter().position(|byte| *byte == b'\n').unwrap();
         body.drain(at..=at + length);
     }
     body
 }
 
-async fn told(router: &Router, token: &str, ask: &Ask) -> Told {
+/// The ending of the names that a caller gives; it hangs on when the user was made.
+pub(super) async fn name_ending(router: &Router, token: &str) -> Option<String> {
+    let request = Request::get("/api/v1/session").header("authorization", format!("Bearer {token}"));
+    let response = router.clone().oneshot(request.body(Body::empty()).unwrap()).await.unwrap();
+    let body = axum::body::to_bytes(response.into_body(), 1 << 16).await.unwrap();
+    let body: Value = serde_json::from_slice(&body).unwrap();
+    body["name_ending"].as_str().map(str::to_owned)
+}
+
+pub(super) async fn told(router: &Router, token: &str, ask: &Ask) -> Told {
+    let told = answer_to(router, token, ask).await;
+    match name_ending(router, token).await {
+        Some(ending) => told.replaced(&ending, "-ENDING"),
+        None => told,
+    }
+}
+
+async fn answer_to(router: &Router, token: &str, ask: &Ask) -> Told {
     let mut request = Request::builder()
         .method(ask.method)
         .uri(&ask.path)
@@ -147,6 +185,8 @@ async fn told(router: &Router, token: &str, ask: &Ask) -> Told {
     let body = match kind.as_str() {
         // Which are random.
         _ if is_json && ask.path.starts_with("/api/v1/tokens") => timeless(&body, &["id", "token"]),
+        // By which a file is told from another: its place on the disk, and when it was brought.
+        _ if is_json && ask.path == "/api/v1/assets" => timeless(&body, &["etag", "modified_at"]),
         _ if is_json => timeless(&body, &[]),
         "text/event-stream" => event(&body),
         "multipart/x-mixed-replace" => numberless(body),
@@ -161,7 +201,7 @@ async fn told(router: &Router, token: &str, ask: &Ask) -> Told {
 }
 
 /// Every route that is read, with ids of what is permitted, of what is forbidden and of what is not there.
-fn looks() -> Vec<Ask> {
+pub(super) fn looks() -> Vec<Ask> {
     let mut paths: Vec<String> = [
         "/healthz",
         "/readyz",
@@ -318,7 +358,7 @@ fn looks() -> Vec<Ask> {
 }
 
 /// Every change that the guest may try of a camera, a scene, a wall, a playhead, an export of such a name.
-fn changes(camera: &str, scene: &str, other: &str) -> Vec<Ask> {
+pub(super) fn changes(camera: &str, scene: &str, other: &str) -> Vec<Ask> {
     let any = |ask: Ask| ask.with("if-match", "*");
     let named: Value = serde_json::from_str(SCENE).unwrap();
     let calibration = named["cameras"][0]["calibration"].clone();
@@ -392,7 +432,7 @@ fn hide(bench: &Bench) {
     bench.handle.put_playhead("lumber", json!({"scene": "lumber", "paused": true})).unwrap();
 }
 
-fn is_alike(what: &str, ask: &Ask, with: &Told, without: &Told) {
+pub(super) fn is_alike(what: &str, ask: &Ask, with: &Told, without: &Told) {
     assert!(with == without, "{what}: {ask:?}\n{}\nor\n{}", with.shown(), without.shown());
 }
 

@@ -3,6 +3,7 @@
 import { signal } from "@preact/signals";
 import { useEffect, useState } from "preact/hooks";
 import { api, change, content, told } from "../ask";
+import { nameEnding } from "../session";
 import { say } from "../strings";
 import { goTo } from "./flying";
 import { printed, read } from "./orbit";
@@ -85,9 +86,9 @@ function Keep() {
   const keep = async () => {
     const scene = state.scene.value?.id;
     if (scene === undefined || name.trim() === "") return;
-    // Ids of views of other scenes are taken too; the daemon tells of those.
+    // Ids of views of other scenes are taken too.
     const all = await content(api.GET("/api/v1/views", {})).then(({ views }) => views, () => views.peek());
-    const id = idFor(name, new Set(all.map((view) => view.id)));
+    const id = idFor(name, new Set(all.map((view) => view.id)), nameEnding());
     const order = views.peek().filter((view) => view.group === group.trim()).length;
     const body = { name: name.trim(), scene, group: group.trim(), order, parameters: present() };
     if (await doing(() => change("PUT", `/api/v1/views/${id}`, body, { tag: null }))) setName("");

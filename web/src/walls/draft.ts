@@ -3,7 +3,7 @@
 
 import { computed, effect, signal } from "@preact/signals";
 import { Trouble, change as send, ask, told } from "../ask";
-import { session } from "../session";
+import { nameEnding, session } from "../session";
 import { say } from "../strings";
 import { type Wall, type WallDocument, printWall, readWall } from "./document";
 import { type Faults, faultOfId, placed, tried } from "./validity";
@@ -44,7 +44,7 @@ const judged = signal<{ of: Wall; faults: Faults } | null>(null);
 export const faults = computed<Faults>(() => {
   const now = draft.value;
   if (!now) return new Map();
-  return new Map([...(judged.value?.faults ?? []), ...faultOfId(now.id, base.value.id === null ? takenIds.value : [])]);
+  return new Map([...(judged.value?.faults ?? []), ...(base.value.id === null ? faultOfId(now.id, takenIds.value, nameEnding()) : faultOfId(now.id, [], ""))]);
 });
 
 /** Whether the daemon has found nothing wrong with what the draft shows. */
@@ -240,7 +240,7 @@ effect(() => {
   const gone = new AbortController();
   let timer: ReturnType<typeof setTimeout>;
   const judge = async () => {
-    const found = await tried(draft.peek()?.id ?? NEW, wall, gone.signal).catch(() => null);
+    const found = await tried(base.peek().id, wall, gone.signal).catch(() => null);
     if (gone.signal.aborted) return;
     if (found === null) timer = setTimeout(() => void judge(), JUDGE_AGAIN_MILLIS);
     else judged.value = { of: wall, faults: found };

@@ -2,6 +2,7 @@
 // to the same rules when the wall is kept. The page itself knows of names alone, since these are no part of the document.
 
 import { Trouble, change } from "../ask";
+import { nameEnding } from "../session";
 import { say } from "../strings";
 import { type Wall, printWall } from "./document";
 
@@ -9,18 +10,19 @@ import { type Wall, printWall } from "./document";
 export type Faults = ReadonlyMap<string, string>;
 
 const ID = /^[a-z0-9][a-z0-9_-]{0,63}$/;
-/** What a wall without a name that can be is tried as. */
+/** What a new wall is tried as, whatever its name. */
 const NAMELESS = "new-wall";
 
-/** The fault of a wall's own id; `others` are taken. */
-export function faultOfId(id: string, others: readonly string[]): Faults {
+/** The fault of a wall's own id; `others` are taken, and a new one has the user's ending. */
+export function faultOfId(id: string, others: readonly string[], ending: string): Faults {
   if (!ID.test(id)) return new Map([["/id", say("wall.fault.id")]]);
+  if (!id.endsWith(ending) || id === ending) return new Map([["/id", say("wall.fault.ending", { ending })]]);
   return others.includes(id) ? new Map([["/id", say("wall.fault.taken", { id })]]) : new Map();
 }
 
-/** What the daemon says of a wall, which it does not keep; null where it cannot be asked. */
-export async function tried(id: string, wall: Wall, signal: AbortSignal): Promise<Faults | null> {
-  const path = `/api/v1/walls/${ID.test(id) ? id : NAMELESS}?validate_only=true`;
+/** What the daemon says of a wall, which it does not keep; null where it cannot be asked. `id` is null of a new one. */
+export async function tried(id: string | null, wall: Wall, signal: AbortSignal): Promise<Faults | null> {
+  const path = `/api/v1/walls/${encodeURIComponent(id ?? NAMELESS + nameEnding())}?validate_only=true`;
   try {
     await change("PUT", path, printWall(wall), { signal });
     return new Map();

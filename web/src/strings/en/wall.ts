@@ -97,6 +97,7 @@ export const wall = {
   "wall.fault.number": "A number is needed.",
   "wall.fault.whole": "A whole number is needed.",
   "wall.fault.id": "1 to 64 of a-z, 0-9, - and _, the first a letter or digit.",
+  "wall.fault.ending": "You do not see every camera: names that you give end with {ending}.",
   "wall.fault.taken": "There is a wall called {id} already.",
 
   "wall.screens": "Screens",

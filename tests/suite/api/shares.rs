@@ -1,0 +1,266 @@
+//! A user who takes all that it can get: others and admins still get theirs, of whatever users share.
+
+use super::Answer;
+use super::sockets::dial;
+use super::users::{House, PASSWORD, Shows, key};
+use axum::body::Body;
+use axum::http::Request;
+use axum::response::Response;
+use serde_json::{Value, json};
+use std::net::SocketAddr;
+use std::path::PathBuf;
+use std::sync::Arc;
+use tokio::net::TcpListener;
+use tokio_tungstenite::tungstenite::Error;
+use videofields_recording::store::DocumentKind;
+use videofields_service::catalog::{Catalog, CatalogError, Changer, Condition};
+use videofields_vision::access::Role;
+use videofields_vision::clock::SystemClock;
+
+const GREEDY: &str = "greedy";
+const MODEST: &str = "modest";
+
+/// A house with an admin, a greedy user and a modest one.
+struct Shared {
+    house: House,
+    root: String,
+    greedy: String,
+    modest: String,
+}
+
+impl Shared {
+    async fn new() -> Self {
+        let (house, root) = House::with_admin().await;
+        let operator = json!({
+            "role": "operator", "password": PASSWORD, "cameras": {"*": ["live", "history", "export", "manage"]},
+        });
+        for id in [GREEDY, MODEST] {
+            assert_eq!(house.user(&root, id, operator.clone()).await.status, 201);
+        }
+        let token = async |user| house.accounts.add_token(user, String::new(), None).await.unwrap().1;
+        let (greedy, modest) = (token(GREEDY).await, token(MODEST).await);
+        Self { house, root, greedy, modest }
+    }
+
+    async fn open(&self, path: &str, token: &str) -> Response {
+        let request = Request::get(path).header("authorization", format!("Bearer {token}"));
+        self.house.bench.send_open(request.body(Body::empty()).unwrap()).await
+    }
+
+    /// Streams that the greedy user gets, until one is refused; the others get one each beside them.
+    async fn take_streams(&self, path: &str, n_expected: usize, what: &str) {
+        let mut held = Vec::new();
+        let refused = loop {
+            let response = self.open(path, &self.greedy).await;
+            if response.status() != 200 {
+                break response;
+            }
+            held.push(response.into_body());
+            assert!(held.len() <= 200, "{path}: there is no end");
+        };
+        assert_eq!((held.len(), refused.status().as_u16()), (n_expected, 503), "{path}");
+        assert!(refused.headers().contains_key("retry-after"));
+        let body = axum::body::to_bytes(refused.into_body(), 1 << 16).await.unwrap();
+        let problem: Value = serde_json::from_slice(&body).unwrap();
+        let detail = problem["detail"].as_str().unwrap();
+        let expected = format!("{n_expected} {what} already of this user, which is their share: finish some");
+        assert!(detail.starts_with(&expected), "{detail}");
+        for token in [&self.modest, &self.root] {
+            let response = self.open(path, token).await;
+            assert_eq!(response.status(), 200, "{path}: others get theirs");
+            held.push(response.into_body());
+        }
+        drop(held.swap_remove(0));
+        assert_eq!(self.open(path, &self.modest).await.status(), 200);
+    }
+
+    /// Makes things until one is refused; how many, and the refusal.
+    async fn make(&self, token: &str, kind: &str, document: &Value) -> (usize, Answer) {
+        for n in 0.. {
+            let path = format!("/api/v1/{kind}/{}{n}", if token == self.greedy { "g" } else { "m" });
+            let new = [("if-none-match", "*")];
+            let made = self.house.send("PUT", &path, Shows::Token(token), &new, document.clone()).await;
+            if made.status != 201 {
+                return (n, made);
+            }
+        }
+        unreachable!("it is refused at last")
+    }
+}
+
+#[tokio::test]
+async fn streams_of_pictures_are_shared_by_users() {
+    let shared = Shared::new().await;
+    let view = "/api/v1/scenes/plaza/view.mjpeg?width=64&height=48&rate=30";
+    shared.take_streams(view, 72, "streams are running").await;
+}
+
+#[tokio::test]
+async fn places_of_those_who_listen_to_events_are_shared_by_users() {
+    let shared = Shared::new().await;
+    shared.take_streams("/api/v1/events/stream", 72, "listen to events").await;
+}
+
+#[tokio::test]
+async fn places_of_conversations_by_websocket_are_shared_by_users() {
+    let shared = Shared::new().await;
+    let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
+    let address: SocketAddr = listener.local_addr().unwrap();
+    let router = shared.house.bench.router.clone();
+    tokio::spawn(videofields_api::serve(listener, None, router, std::future::pending()));
+    let dialled = async |token: &str| {
+        let fields = [("authorization", format!("Bearer {token}"))];
+        dial(address, "/api/v1/scenes/plaza/frames?width=64&height=48&rate=1", &fields).await
+    };
+    let mut held = Vec::new();
+    let refused = loop {
+        match dialled(&shared.greedy).await {
+            Ok(socket) => held.push(socket),
+            Err(Error::Http(answer)) => break answer.status(),
+            Err(error) => panic!("{error}"),
+        }
+    };
+    assert_eq!((held.len(), refused.as_u16()), (72, 503));
+    for token in [&shared.modest, &shared.root] {
+        held.push(dialled(token).await.expect("others get theirs"));
+    }
+}
+
+#[tokio::test]
+async fn a_user_makes_so_many_tokens_and_sessions_and_takes_none_of_others() {
+    let shared = Shared::new().await;
+    let add = async |token: &str| {
+        shared.house.send("POST", "/api/v1/tokens", Shows::Token(token), &[], json!({})).await
+    };
+    // One it has from the admin.
+    for n in 1..64 {
+        assert_eq!(add(&shared.greedy).await.status, 201, "{n}");
+    }
+    let refused = add(&shared.greedy).await;
+    let problem = refused.problem(422, "/api/v1/tokens");
+    assert!(problem["detail"].as_str().unwrap().contains("64 tokens"), "{problem}");
+    for token in [&shared.modest, &shared.root] {
+        assert_eq!(add(token).await.status, 201);
+    }
+    let body = json!({ "user": GREEDY });
+    let given = shared.house.send("POST", "/api/v1/tokens", Shows::Token(&shared.root), &[], body).await;
+    assert_eq!(given.status, 201, "admins give it more");
+
+    let mut sessions = vec![key(&shared.house.log_in(MODEST, PASSWORD).await)];
+    for _ in 0..65 {
+        sessions.push(key(&shared.house.log_in(GREEDY, PASSWORD).await));
+    }
+    let mut is_logged_in = Vec::new();
+    for session in &sessions {
+        let who = shared.house.get("/api/v1/session", Shows::Session(session, None)).await.json();
+        is_logged_in.push(!who["user"].is_null());
+    }
+    let n_over = is_logged_in.iter().filter(|is_in| !**is_in).count();
+    assert!(n_over == 1 && is_logged_in[0] && !is_logged_in[1], "its own oldest is over: {is_logged_in:?}");
+}
+
+#[tokio::test]
+async fn a_user_makes_so_many_views_walls_and_playheads_and_others_still_make_theirs() {
+    let shared = Shared::new().await;
+    let wall = json!({
+        "scene": "plaza", "view": {"eye_m": [7, -7, 5], "target_m": [0, 0, 0]},
+        "surface": {"grid": {"columns": 1, "rows": 1, "tile_px": [32, 24], "tile_m": [0.4, 0.3]}},
+    });
+    for (kind, document, most) in
+        [("views", json!({"scene": "plaza"}), 64), ("walls", wall, 64), ("playheads", json!({}), 16)]
+    {
+        let (n, refused) = shared.make(&shared.greedy, kind, &document).await;
+        assert_eq!(n, most, "{kind}: {}", String::from_utf8_lossy(&refused.body));
+        let problem = refused.problem(422, &format!("/api/v1/{kind}/g{n}"));
+        let detail = problem["detail"].as_str().unwrap();
+        assert!(detail.contains(&format!("made {most} of")) && detail.contains("remove one"), "{detail}");
+        // What it has it may change; others and admins make theirs, and change its own, which stay its own.
+        for (token, id) in [(&shared.greedy, "g0"), (&shared.modest, "g1"), (&shared.root, "m0")] {
+            let is_new = id == "m0";
+            let condition = if is_new { ("if-none-match", "*") } else { ("if-match", "*") };
+            let path = format!("/api/v1/{kind}/{id}");
+            let sent =
+                shared.house.send("PUT", &path, Shows::Token(token), &[condition], document.clone()).await;
+            assert_eq!(sent.status, if is_new { 201 } else { 200 }, "{path}");
+        }
+        let path = format!("/api/v1/{kind}/one-more");
+        let more = async |token: &str| {
+            let new = [("if-none-match", "*")];
+            shared.house.send("PUT", &path, Shows::Token(token), &new, document.clone()).await.status.as_u16()
+        };
+        assert_eq!([more(&shared.greedy).await, more(&shared.modest).await], [422, 201], "{kind}");
+        // Another user's being gone makes no room.
+        let gone = |token: &str, path: String| {
+            let token = token.to_owned();
+            let shared = &shared;
+            async move {
+                shared
+                    .house
+                    .send("DELETE", &path, Shows::Token(&token), &[("if-match", "*")], Value::Null)
+                    .await
+                    .status
+                    .as_u16()
+            }
+        };
+        assert_eq!(gone(&shared.modest, path.clone()).await, 204);
+        assert_eq!(more(&shared.greedy).await, 422);
+        assert_eq!(gone(&shared.greedy, format!("/api/v1/{kind}/g0")).await, 204);
+        assert_eq!(more(&shared.greedy).await, 201, "{kind}: its own does");
+    }
+}
+
+#[tokio::test]
+async fn who_made_what_is_known_after_a_restart_whoever_changed_it_since() {
+    let shared = Shared::new().await;
+    let view = json!({"scene": "plaza"});
+    assert_eq!(shared.make(&shared.greedy, "views", &view).await.0, 64);
+    for n in 0..40 {
+        let path = format!("/api/v1/views/g{n}");
+        let body = json!({"name": "of all"});
+        let changed =
+            shared.house.send("PATCH", &path, Shows::Token(&shared.modest), &[("if-match", "*")], body).await;
+        assert_eq!(changed.status, 200);
+    }
+    let opened = async || {
+        let folders = (PathBuf::from("."), Vec::new());
+        let clock = Arc::new(SystemClock::new());
+        Catalog::open(shared.house.store.clone(), clock, Vec::new(), folders).await.unwrap()
+    };
+    let put = async |catalog: &Catalog, user: &str, id: &str| {
+        let by = Changer { user: Some(user.to_owned()), role: Role::Operator };
+        catalog.put((DocumentKind::View, id), view.to_string(), Condition::Absent, by).await
+    };
+    let catalog = opened().await;
+    let refused = put(&catalog, GREEDY, "more").await.unwrap_err();
+    assert!(matches!(refused, CatalogError::Quota { most: 64, .. }), "{refused}");
+    put(&catalog, MODEST, "more").await.unwrap();
+    // One that was removed and made anew is of who made it anew, then and after the next restart.
+    catalog.remove((DocumentKind::View, "g7"), Condition::Present, None).await.unwrap();
+    put(&catalog, MODEST, "g7").await.unwrap();
+    let catalog = opened().await;
+    put(&catalog, GREEDY, "other").await.unwrap();
+    put(&catalog, GREEDY, "one-too-many").await.unwrap_err();
+}
+
+#[tokio::test]
+async fn what_one_user_removes_makes_nobody_elses_history_go() {
+    let shared = Shared::new().await;
+    let path = |id: &str| format!("/api/v1/views/{id}");
+    let view = json!({"scene": "plaza", "name": "as it was"});
+    let made_and_removed = async |token: &str, id: &str| {
+        let new = [("if-none-match", "*")];
+        let made = shared.house.send("PUT", &path(id), Shows::Token(token), &new, view.clone()).await;
+        assert_eq!(made.status, 201, "{id}");
+        let any = [("if-match", "*")];
+        let gone = shared.house.send("DELETE", &path(id), Shows::Token(token), &any, Value::Null).await;
+        assert_eq!(gone.status, 204, "{id}");
+    };
+    made_and_removed(&shared.root, "evidence").await;
+    for n in 0..257 {
+        made_and_removed(&shared.greedy, &format!("t{n}")).await;
+    }
+    let first = shared.house.get("/api/v1/views/t0/versions", Shows::Token(&shared.root)).await;
+    assert_eq!(first.status, 404, "its own oldest is forgotten");
+    let kept = shared.house.get("/api/v1/views/evidence/versions/1", Shows::Token(&shared.root)).await;
+    assert_eq!((kept.status.as_u16(), &kept.json()["name"]), (200, &json!("as it was")));
+}
