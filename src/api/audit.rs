@@ -1,13 +1,14 @@
 //! `/api/v1/audit`: who did what; and the layer that notes it.
 //!
-//! Noted is whatever changes something, whatever came of it, and who looked at pictures and recordings: of the same caller
-//! and target once in ten minutes, so that a wall that pulls thirty pictures a second is a line and not a flood; and what
-//! strangers tried, once in ten minutes a route. What is only tried (`validate_only`) changes nothing: pages ask it while
-//! somebody types. An entry is on disk before the answer goes out.
+//! Noted is whatever changes something, whatever came of it, and who looked at what cameras saw, and of the past at which
+//! time ([`looks`]): of the same caller, target and ten minutes of the past once in ten minutes, so that a wall that pulls
+//! thirty pictures a second is a line and not a flood; and what strangers tried, once in ten minutes a route. What is only
+//! tried (`validate_only`) changes nothing: pages ask it while somebody types. An entry is on disk before the answer goes out.
 
 use super::Api;
 use super::error::Problem;
 use super::identity::{Asked, Identity};
+use super::looks::{self, Span};
 use super::openapi::Routes;
 use super::operation::{Answer, Operation};
 use super::pages;
@@ -20,35 +21,12 @@ use axum::http::{Method, StatusCode, Uri};
 use axum::middleware::Next;
 use axum::response::Response;
 use serde_json::{Value, json};
+use videofields_recording::accounts::Newness;
 use videofields_recording::store::{AuditEntry, AuditRecord};
 use videofields_service::engine::BlurAsked;
 use videofields_vision::access::Role;
 use videofields_vision::clock::Timestamp;
 use videofields_vision::error::ErrorKind;
-
-/// Routes at which somebody looks at what cameras saw.
-const LOOKS: [&str; 20] = [
-    "/api/v1/cameras/{id}/{picture}",
-    "/api/v1/cameras/{id}/strip.jpg",
-    "/api/v1/scenes/{id}/{picture}",
-    "/api/v1/scenes/{id}/tracks",
-    "/api/v1/exports/{id}/{file}",
-    "/api/v1/scenes/{id}/view.mjpeg",
-    "/api/v1/cameras/{id}/foreground",
-    "/api/v1/scenes/{id}/tracks/stream",
-    "/api/v1/scenes/{id}/frames",
-    "/api/v1/views/{id}/frames",
-    "/api/v1/walls/{id}/tiles/{tile}/frames",
-    "/api/v1/views/{id}/picture.mjpeg",
-    "/api/v1/views/{id}/{picture}",
-    "/api/v1/walls/{id}/tiles/{tile}/{picture}",
-    "/api/v1/walls/{id}/tiles/{tile}/frame.mjpeg",
-    "/api/v1/snapshots/{id}",
-    "/api/v1/snapshots/{id}/record.json",
-    "/api/v1/snapshots/{id}/picture.png",
-    "/api/v1/snapshots/{id}/cameras/{file}",
-    "/api/v1/snapshots/{id}/archive.tar",
-];
 
 /// Greatest number of an entry that is asked for.
 const MAX_NUMBER: i64 = (1 << 53) - 1;
@@ -58,7 +36,7 @@ const PARAMETERS: &[Parameter] = &[pages::LIMIT, pages::CURSOR];
 /// Routes about what was done.
 pub(super) fn routes() -> Routes {
     let list = Operation::new("list_audit", "Who did what")
-        .about("The oldest first: whatever changed something or tried to, and who looked at pictures, tracks and exports.")
+        .about("The oldest first: whatever changed something or tried to, and who looked at what cameras saw, and of the past at which time.")
         .role(Role::Admin)
         .parameters(PARAMETERS)
         .may_fail(&[501])
@@ -99,36 +77,44 @@ pub(super) async fn note(
     let identity = request.extensions().get::<Identity>();
     let is_unknown = identity.is_none_or(Identity::is_stranger);
     let mut user = identity.and_then(|identity| identity.caller.user.clone());
-    let mut response = next.run(request).await;
+    let (mut response, span) = looks::of(next.run(request)).await;
     if let Some(Actor(actor)) = response.extensions_mut().remove::<Actor>() {
         user = Some(actor);
     }
     let is_stranger = is_unknown && user.is_none();
-    let told = response.extensions_mut().remove::<Noted>();
+    let told = response.extensions_mut().remove::<Noted>().map(|Noted(told)| told);
     let route = matched.as_ref().map_or("(none)", MatchedPath::as_str);
     let is_look = matches!(method, Method::GET | Method::HEAD);
     let status = response.status();
-    let is_noted = if is_look {
+    let now = api.clock.monotonic();
+    let newness = if is_look {
         // What was refused showed nothing; of a flood of wrong requests the metrics tell.
         let is_shown = status.is_success() || status == StatusCode::SWITCHING_PROTOCOLS;
-        let is_seen = LOOKS.contains(&route) && is_shown;
         // Another thing about it is another look.
-        let what = told
-            .as_ref()
-            .map_or_else(|| uri.path().to_owned(), |Noted(told)| format!("{}#{told}", uri.path()));
-        is_seen && audit.is_new(user.as_deref(), &what, api.clock.monotonic())
+        let what =
+            told.as_ref().map_or_else(|| uri.path().to_owned(), |told| format!("{}#{told}", uri.path()));
+        if looks::is_look(route) && is_shown {
+            audit.look(user.as_deref(), &what, span.map(Span::part), now)
+        } else {
+            Newness::Known
+        }
     } else if is_stranger || status == StatusCode::UNAUTHORIZED {
         // A stranger may try without end, under any name: once a route, or the log would be theirs to fill.
-        audit.is_new(None, &format!("{method_name} {route}"), api.clock.monotonic())
+        audit.look(None, &format!("{method_name} {route}"), None, now)
+    } else if matched.is_some() && !is_try(&uri, status) {
+        Newness::New
     } else {
-        matched.is_some() && !is_try(&uri, status)
+        Newness::Known
     };
-    if !is_noted {
+    if newness == Newness::Known {
         return response;
     }
     let mut target = uri.path_and_query().map_or_else(|| uri.path().to_owned(), ToString::to_string);
-    if let Some(Noted(told)) = told {
-        target = format!("{target}#{told}");
+    let further = (newness == Newness::Last).then(|| "further=not_noted".to_owned());
+    let told: Vec<String> =
+        told.into_iter().chain(span.map(|span| span.to_string())).chain(further).collect();
+    if !told.is_empty() {
+        target = format!("{target}#{}", told.join("&"));
     }
     let entry = AuditEntry {
         at: api.clock.now(),

@@ -5,6 +5,7 @@ use super::cameras::problem_of;
 use super::error::Problem;
 use super::events::{MAX_ID, TAG, document};
 use super::identity::Asked;
+use super::looks;
 use super::openapi::Routes;
 use super::operation::{Answer, Operation};
 use super::parameters::{NONE, Parameter};
@@ -67,6 +68,10 @@ pub(super) async fn stream(
     let newest = api.door.events(camera.as_deref(), 0, 1).map_err(|error| problem_of(&api, error))?;
     let newest = newest.last().map_or(0, |logged| logged.id);
     let after = had_last(&headers)?.or(after).unwrap_or(newest);
+    // What is told first is of the past where it goes on after an old one.
+    let missed =
+        api.door.events(camera.as_deref(), after, AT_ONCE).map_err(|error| problem_of(&api, error))?;
+    missed.first().into_iter().chain(missed.last()).for_each(|logged| looks::at(logged.event.time));
     let connection = api.connection.clone();
     let following = Following { api, camera, after, found: VecDeque::new() };
     let events = connection.carry(stream::unfold(following, Following::next));

@@ -3,6 +3,7 @@
 use super::cameras::problem_of;
 use super::error::Problem;
 use super::identity::Asked;
+use super::looks;
 use super::openapi::{Routes, Tag};
 use super::operation::{Answer, Operation};
 use super::pages;
@@ -59,6 +60,7 @@ pub(super) async fn list(Asked(api): Asked, uri: Uri) -> Result<Response, Proble
     let n_older = found.len().saturating_sub(limit);
     found.drain(..n_older);
     let next = found.first().filter(|_| n_older > 0).map(|first| first.id.to_string());
+    found.first().into_iter().chain(found.last()).for_each(|logged| looks::at(logged.event.time));
     let events: Vec<_> = found.iter().map(document).collect();
     Ok(pages::answer(&uri, json!({ "events": events }), next))
 }

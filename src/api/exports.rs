@@ -7,6 +7,7 @@ use super::error::Problem;
 use super::files;
 use super::idempotency::{self, Wanted};
 use super::identity::Asked;
+use super::looks;
 use super::openapi::Routes;
 use super::operation::{Answer, Operation};
 use super::pages;
@@ -111,6 +112,7 @@ async fn begin(api: &Api, body: &[u8]) -> Result<Response, Problem> {
         .ask("exporting", move |door| door.ask_export(body, by.as_deref()))
         .await
         .map_err(|error| problem_of(api, error))?;
+    [&status.from, &status.to].into_iter().filter_map(|end| end.parse().ok()).for_each(looks::at);
     let location = format!("/api/v1/exports/{}", status.id);
     let told = format!("export={}&{}", status.id, people_noted(blur.as_ref()));
     let mut response =

@@ -128,7 +128,11 @@ impl Source {
                 view::asked(api, (scene.clone(), PictureFormat::Jpeg), Some(raw)).map(drop)
             }
             Self::Named { id, raw, .. } => views::asked(api, (id, raw), PictureFormat::Jpeg).map(drop),
-            Self::Tile { .. } => self.find(api),
+            Self::Tile { wall, tile, .. } => {
+                let kept = kept::find::<Wall>(api, wall)?;
+                wall_tiles::tile_of(&kept, tile)?;
+                wall_tiles::time_of(api, &kept.content).map(drop)
+            }
         }
     }
 

@@ -44,6 +44,7 @@ mod jobs;
 mod kept;
 mod locate;
 mod log_budget;
+mod looks;
 mod metrics;
 mod naming;
 mod openapi;

@@ -159,6 +159,12 @@ impl Parameter {
         Self { default: Some(text), ..self }
     }
 
+    /// Returns whether it names a time that is looked at.
+    #[cfg(test)]
+    pub(super) const fn is_time(&self) -> bool {
+        matches!(self.shape, Shape::Instant | Shape::Moment)
+    }
+
     /// Its JSON Schema.
     pub(super) fn schema(&self) -> Value {
         let mut schema = match self.shape {

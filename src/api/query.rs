@@ -4,6 +4,7 @@
 //! read as itself (an RFC 3339 offset such as `+02:00` needs no escape), `%XX` as a byte of UTF-8.
 
 use super::error::Problem;
+use super::looks;
 use super::parameters::Named;
 use glam::DVec3;
 use percent_encoding::percent_decode_str;
@@ -169,6 +170,9 @@ impl Query {
         if let Some(error) = failure {
             self.fault("t", error.to_string());
         }
+        if let At::Time(instant) = moment.at {
+            looks::at(instant);
+        }
         moment
     }
 
@@ -176,7 +180,9 @@ impl Query {
     pub(super) fn instant(&mut self, name: &str) -> Option<Timestamp> {
         let allowed =
             "an RFC 3339 instant such as 2026-03-01T12:00:00.5Z, or nanoseconds since 1970-01-01 (UTC)";
-        self.value(name, allowed, |text| Timestamp::from_str(text).ok())
+        let instant = self.value(name, allowed, |text| Timestamp::from_str(text).ok());
+        instant.into_iter().for_each(looks::at);
+        instant
     }
 
     /// Notes a fault where the parameter `name` did not come at all.

@@ -16,7 +16,7 @@ use super::tags::Finish;
 use super::view::{self, drawn};
 use super::wall_rounds::Turn;
 use super::walls::Kept;
-use super::{Api, kept, playheads, scenes, schema, screens, walls};
+use super::{Api, kept, looks, playheads, scenes, schema, screens, walls};
 use axum::Json;
 use axum::extract::RawQuery;
 use axum::http::{HeaderMap, HeaderValue, header};
@@ -360,18 +360,25 @@ async fn frame_of(api: &Api, kept: &Kept, asked: Option<u64>) -> Result<WallFram
     Ok(asked.and_then(kept_frame).unwrap_or(due))
 }
 
+/// Returns which time a wall shows; a look at the past is noted as one.
+pub(super) fn time_of(api: &Api, wall: &Wall) -> Result<At, Problem> {
+    let Some(playhead) = &wall.playhead else { return Ok(At::Live) };
+    let instant = api.door.playhead_at(playhead).map_err(|error| playheads::problem_of(api, error))?;
+    looks::at(instant);
+    Ok(At::Time(instant))
+}
+
 /// The frame of a wall that is due, and the cameras that it hangs on: those that are shown, and those that a playhead's place
 /// follows from.
 fn due(api: &Api, kept: &Kept) -> Result<(WallFrame, Vec<CameraId>), Problem> {
     let wall = &kept.content;
-    let of_playhead = |error| playheads::problem_of(api, error);
-    let (at, followed) = match &wall.playhead {
+    let at = time_of(api, wall)?;
+    let followed = match &wall.playhead {
         Some(playhead) => {
-            let at = At::Time(api.door.playhead_at(playhead).map_err(of_playhead)?);
-            let scene = api.door.playhead(playhead).map_err(of_playhead)?.scene;
-            (at, Some(scenes::find(api, &scene)?))
+            let found = api.door.playhead(playhead).map_err(|error| playheads::problem_of(api, error))?;
+            Some(scenes::find(api, &found.scene)?)
         }
-        None => (At::Live, None),
+        None => None,
     };
     let moment = api.door.moment(&wall.scene, at).map_err(|error| scenes::problem_of(api, error))?;
     let SceneMoment { instant, mut cameras, horizon } = moment;

@@ -12,6 +12,7 @@ mod event_stream;
 mod exports;
 mod idempotency;
 mod jobs;
+mod looks;
 mod playheads;
 mod refusals;
 mod server;

@@ -10,7 +10,7 @@ mod error;
 mod secret;
 mod throttle;
 
-pub use audit::Audit;
+pub use audit::{Audit, MAX_PARTS_EACH, Newness};
 pub use document::{TokenSummary, UserChange, UserSummary};
 pub use error::AccountError;
 pub use secret::NoRandomness;

@@ -47,7 +47,7 @@ async fn look(house: &House, token: &str, target: &str) -> Told {
 }
 
 /// With a wall, a view, a playhead and an export beside what the stand-in has.
-async fn furnished() -> (House, String) {
+pub(super) async fn furnished() -> (House, String) {
     let (house, token) = House::with_admin().await;
     let new = [("if-none-match", "*")];
     let wall = json!({
@@ -86,7 +86,7 @@ fn sample(parameter: &Value) -> String {
 }
 
 /// A path of things that are there.
-fn path_of(template: &str, operation: &Value) -> String {
+pub(super) fn path_of(template: &str, operation: &Value) -> String {
     let mut before = "";
     let mut path = String::new();
     for segment in template.split('/').skip(1) {
@@ -114,7 +114,7 @@ fn path_of(template: &str, operation: &Value) -> String {
 }
 
 /// The parameters of a query that must be there, with values, and `more`.
-fn query_of(operation: &Value, more: Option<(&str, &str)>) -> String {
+pub(super) fn query_of(operation: &Value, more: Option<(&str, &str)>) -> String {
     let queried = operation["parameters"].as_array().into_iter().flatten();
     let needed = queried.filter(|parameter| parameter["in"] == "query" && parameter["required"] == true);
     let mut pairs: Vec<String> = needed

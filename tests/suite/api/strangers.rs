@@ -10,12 +10,12 @@ use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::{TcpListener, TcpSocket, TcpStream};
 
 /// A house that is served on a loopback address until it is dropped.
-struct Served {
-    address: SocketAddr,
+pub(super) struct Served {
+    pub(super) address: SocketAddr,
     _stop: tokio::sync::oneshot::Sender<()>,
 }
 
-async fn serve(house: &House) -> Served {
+pub(super) async fn serve(house: &House) -> Served {
     let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
     let address = listener.local_addr().unwrap();
     let (stop, stopped) = tokio::sync::oneshot::channel::<()>();
@@ -156,7 +156,7 @@ async fn strangers_write_few_lines_into_the_audit_log_and_users_are_named_there(
 }
 
 /// Returns all entries of the audit log.
-async fn entries(house: &House, token: &str) -> Vec<Value> {
+pub(super) async fn entries(house: &House, token: &str) -> Vec<Value> {
     let request = Request::get("/api/v1/audit?limit=200").header("authorization", format!("Bearer {token}"));
     let answer = house.bench.send(request.body(Body::empty()).unwrap()).await;
     answer.json()["entries"].as_array().unwrap().clone()

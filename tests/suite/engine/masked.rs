@@ -216,7 +216,8 @@ fn a_sealed_snapshot_stays_and_what_it_shows_of_a_later_zone_is_for_admins_alone
     assert_eq!(noted(&house, "PUT /api/v1/cameras/{id}/privacy"), [format!("{NORTH}#zones=1&version=1")]);
     assert_eq!(noted(&house, "DELETE /api/v1/cameras/{id}/privacy"), [format!("{NORTH}#zones=0&version=2")]);
     let made = noted(&house, "POST /api/v1/snapshots");
-    assert_eq!(made[0], format!("{ALL}#snapshot={}&people=seen", id(&sealed[0])));
+    let first = format!("{ALL}#snapshot={}&people=seen&shown=1970-01-01T00:00:00.2Z", id(&sealed[0]));
+    assert_eq!(made[0], first);
     assert_eq!(made.len(), 5);
     let looks = noted(&house, "GET /api/v1/snapshots/{id}/picture.png");
     assert!(looks.contains(&format!("{}/picture.png#shows_hidden=north", sealed[0])), "{looks:?}");

@@ -1,0 +1,106 @@
+//! Which requests look at what cameras saw, and at which time, for the audit log.
+//!
+//! Both are decided here: a route is a look where its description names a right of cameras, and the time is what the query
+//! (`t`, `from`, `to`), a playhead or the events that are answered say, gathered while the request is answered.
+
+use super::described;
+use super::openapi::Verb;
+use std::cell::Cell;
+use std::collections::BTreeSet;
+use std::fmt;
+use std::future::Future;
+use std::sync::LazyLock;
+use videofields_vision::access::Right;
+use videofields_vision::clock::Timestamp;
+
+/// Looks at the same part of the past are one look.
+const PART_NANOS: i64 = 600_000_000_000;
+
+/// Paths of routes at which somebody looks at what cameras saw; it follows from the program alone.
+static LOOKS: LazyLock<BTreeSet<&'static str>> = LazyLock::new(|| {
+    let is_seeing = |right: &Right| matches!(right, Right::Live | Right::History | Right::Export);
+    let routes = described().routes.into_iter();
+    let looks =
+        routes.filter(|route| route.verb == Verb::Get && route.operation.rights.iter().any(is_seeing));
+    looks.map(|route| route.path).collect()
+});
+
+tokio::task_local! {
+    /// What the request in hand has looked at so far.
+    static LOOKED: Cell<Option<Span>>;
+}
+
+/// From the earliest to the latest instant that was looked at.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Span {
+    from: Timestamp,
+    to: Timestamp,
+}
+
+impl Span {
+    /// Returns in which parts of the past it begins and ends.
+    pub(super) fn part(self) -> (i64, i64) {
+        (self.from.as_nanos().div_euclid(PART_NANOS), self.to.as_nanos().div_euclid(PART_NANOS))
+    }
+}
+
+impl fmt::Display for Span {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { from, to } = self;
+        if from == to { write!(formatter, "shown={from}") } else { write!(formatter, "shown={from}/{to}") }
+    }
+}
+
+/// Returns whether a GET of the route at `path` looks at what cameras saw.
+pub(super) fn is_look(path: &str) -> bool {
+    LOOKS.contains(path)
+}
+
+/// Notes that the request in hand looks at an instant of the past.
+pub(super) fn at(instant: Timestamp) {
+    // What goes on after its answer has begun is no request's any more.
+    let _outside = LOOKED.try_with(|looked| {
+        let span = looked.get().unwrap_or(Span { from: instant, to: instant });
+        looked.set(Some(Span { from: span.from.min(instant), to: span.to.max(instant) }));
+    });
+}
+
+/// Returns what a request's `answer` is, and at what of the past it looked.
+pub(super) async fn of<T>(answer: impl Future<Output = T>) -> (T, Option<Span>) {
+    let both = async {
+        let answer = answer.await;
+        (answer, LOOKED.with(Cell::get))
+    };
+    LOOKED.scope(Cell::new(None), both).await
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_route_that_takes_a_time_is_a_look() {
+        for route in described().routes.iter().filter(|route| route.verb == Verb::Get) {
+            let takes_time =
+                route.operation.parameters.iter().any(super::super::parameters::Parameter::is_time);
+            assert!(!takes_time || is_look(route.path), "{}", route.path);
+        }
+        for of_cameras in ["/api/v1/events", "/api/v1/walls/{id}/tiles/{tile}/frames"] {
+            assert!(is_look(of_cameras), "{of_cameras}");
+        }
+        assert!(!is_look("/api/v1/cameras") && !is_look("/api/v1/audit"));
+    }
+
+    #[tokio::test]
+    async fn a_span_reaches_over_all_that_a_request_looked_at() {
+        let second = |second: i64| Timestamp::from_nanos(second * 1_000_000_000);
+        let (answer, span) = of(async { [700, 500, 600].map(second).map(at).len() }).await;
+        let span = span.unwrap();
+        assert_eq!((answer, span.part()), (3, (0, 1)));
+        assert_eq!(span.to_string(), "shown=1970-01-01T00:08:20Z/1970-01-01T00:11:40Z");
+        assert_eq!(of(async { at(second(-1)) }).await.1.unwrap().to_string(), "shown=1969-12-31T23:59:59Z");
+        assert_eq!(of(async {}).await.1, None);
+        // Nothing is noted outside.
+        at(second(1));
+    }
+}
