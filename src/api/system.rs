@@ -33,7 +33,7 @@ const BODY_DEPTH: u32 = 127;
 /// Routes about the daemon itself.
 pub(super) fn routes() -> Routes {
     let show = Operation::new("show_system", "What runs here, on what, and what requests are held to")
-        .about("Counts are of what the caller may see. `uptime_secs`, `database` and `accounts` are told to admins, and null to others.")
+        .about("Counts are of what the caller may see. `uptime_secs`, `database`, `accounts` and `audit` are told to admins, and null to others.")
         .answers(Answer::json(200, "The daemon", schema::system::system()));
     Routes::of(TAG, NONE).get("/api/v1/system", self::show, show)
 }
@@ -64,6 +64,7 @@ async fn show(Asked(api): Asked, RawQuery(raw): RawQuery) -> Result<Response, Pr
         },
         "database": if is_admin { database(&api).await? } else { Value::Null },
         "accounts": if is_admin { accounts(&api) } else { Value::Null },
+        "audit": if is_admin { audit(&api) } else { Value::Null },
     });
     Ok(([(header::CACHE_CONTROL, "no-store")], Json(body)).into_response())
 }
@@ -100,6 +101,18 @@ async fn database(api: &Api) -> Result<Value, Problem> {
         Problem::new(ErrorKind::Unavailable, format!("the database's file: {}", error.kind()))
     })?;
     Ok(json!({ "schema_version": SCHEMA_VERSION, "bytes": bytes }))
+}
+
+/// How the audit log fares, for admins.
+fn audit(api: &Api) -> Value {
+    let Some(state) = api.audit.as_ref().map(|audit| audit.state()) else { return Value::Null };
+    let head = state.head.map(|(number, digest)| json!({ "number": number, "digest": digest }));
+    json!({
+        "head": head,
+        "signature": state.signed.map(|signed| signed.signature),
+        "fault": state.fault,
+        "faults": state.n_faults,
+    })
 }
 
 fn accounts(api: &Api) -> Value {

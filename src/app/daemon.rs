@@ -3,6 +3,7 @@
 //! Order: store, scenes, cameras and renderer (`engine`), then the listener; stopped the other way round, so that
 //! no request meets half a daemon and every background is written before the store closes.
 
+mod audit;
 mod evidence;
 mod reload;
 mod upkeep;
@@ -22,6 +23,7 @@ use videofields_api::{self as api, Site, Tls};
 use videofields_picture::scene::{self, Scene};
 use videofields_recording::accounts::{Accounts, Audit};
 use videofields_recording::archive::Archive;
+use videofields_recording::signing::SigningKey;
 use videofields_recording::store::Store;
 use videofields_recording::telemetry::{self, Metrics};
 use videofields_service::catalog::{Catalog, ConfiguredScene};
@@ -67,7 +69,7 @@ async fn run(config: &Config, load: Load, announce: impl FnOnce(&str)) -> Result
     let listen = settings.server.listen;
     let listener = TcpListener::bind(listen).await.with_context(|| format!("cannot listen on {listen}"))?;
     // Another daemon may hold the database for long: then there is nothing yet to be finished.
-    let (store, catalog) = tokio::select! {
+    let (store, catalog, key) = tokio::select! {
         opened = open(config, &clock) => opened?,
         _some = terminate.recv() => return Ok(()),
         _some = interrupt.recv() => return Ok(()),
@@ -93,11 +95,15 @@ async fn run(config: &Config, load: Load, announce: impl FnOnce(&str)) -> Result
     let config = &config.clone().with_cameras(catalog.cameras());
     warn_of_unknown_cameras(&config.settings().camera, &scenes);
     let snapshots = evidence::open(config, &store, &metrics, &clock).await;
+    let snapshots = snapshots.map(|snapshots| Arc::new(snapshots.signed_with(key.clone())));
     // Before any camera: nothing is shown where it is not known what nobody may see.
     let cameras = &config.settings().camera;
     let privacy = catalog.begin_privacy(cameras).await.context("cannot read the privacy zones")?;
     let hidden = config.with_privacy_zones(|id| privacy.get(id).map(|own| own.zones.to_vec()));
     let archive = start_archive(config, &store, &metrics, &clock).await?;
+    if let (Some(archive), Some(key)) = (&archive, key) {
+        archive.sign_exports(key);
+    }
     let engine = Engine::start_recording(
         &hidden,
         scenes,
@@ -134,6 +140,7 @@ async fn run(config: &Config, load: Load, announce: impl FnOnce(&str)) -> Result
     let catalog = Arc::new(catalog);
     metrics.config_reload_success.set(1);
     metrics.config_reload_timestamp.set(clock.now().as_nanos() as f64 * 1e-9);
+    let watched = Arc::clone(&metrics);
     let reload = Arc::new(Reload {
         load,
         catalog: Arc::clone(&catalog),
@@ -156,6 +163,9 @@ async fn run(config: &Config, load: Load, announce: impl FnOnce(&str)) -> Result
     upkeep.spawn(upkeep::follow_accounts(Arc::downgrade(&accounts)));
     upkeep.spawn(upkeep::follow_signals(tls.clone(), Arc::downgrade(&accounts), Arc::clone(&reload), hangup));
     upkeep.spawn(upkeep::shorten_audit(Arc::downgrade(&reload)));
+    upkeep.spawn(audit::watch(store.clone(), Arc::clone(&watched)));
+    let tools = (watched, Arc::clone(&clock));
+    upkeep.spawn(audit::anchor(store.clone(), settings.storage.clone(), tools));
     upkeep.spawn(upkeep::mend(Arc::downgrade(&reload)));
     upkeep.spawn(upkeep::keep_awake(engine.handle()));
     if let Some(snapshots) = snapshots {
@@ -227,15 +237,17 @@ fn start_keeper(config: &Config, engine: &Engine, store: &Store, clock: &Arc<dyn
         .context("cannot start the thread that measures costs")
 }
 
-async fn open(config: &Config, clock: &Arc<dyn Clock>) -> Result<(Store, Catalog)> {
+async fn open(config: &Config, clock: &Arc<dyn Clock>) -> Result<(Store, Catalog, Option<Arc<SigningKey>>)> {
     let settings = config.settings();
     let store = Store::open(&settings.storage.database).await?;
+    // Before anything is noted in it.
+    let key = audit::sign(&settings.storage, &store, &**clock).await?;
     let (configured, _n_faulty) = configured_scenes(config, &store, &**clock).await;
     let folders = (config.folder().to_owned(), settings.media_folders());
     let catalog = Catalog::open(store.clone(), Arc::clone(clock), configured, folders).await;
     let catalog =
         catalog.context("cannot read what was kept of scenes, views, walls, cameras and playheads")?;
-    Ok((store, catalog.with_cameras(&settings.camera)))
+    Ok((store, catalog.with_cameras(&settings.camera), key))
 }
 
 /// The configured scenes. One whose file is at fault is served as it was last good, if the store still has it, and

@@ -10,6 +10,7 @@ mod kept;
 mod made_cameras;
 pub(crate) mod process;
 mod reload;
+mod signed;
 mod sources;
 #[cfg(feature = "opentelemetry")]
 mod traces;

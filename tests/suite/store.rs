@@ -2,6 +2,7 @@
 
 mod copies;
 mod history;
+mod sealed;
 
 use sha2::Digest;
 use sqlx::{Connection, SqliteConnection};

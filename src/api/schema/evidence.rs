@@ -109,6 +109,11 @@ pub(crate) fn verification() -> Value {
     object([
         ("is_whole", boolean(), "Whether everything is as it was sealed"),
         ("digest", nullable(text()), "SHA-256 of the record as it stands there now"),
+        (
+            "signed_by",
+            nullable(text()),
+            "The public key, hexadecimal, of who signed the record; null where nobody did",
+        ),
         ("files", list(file), ""),
         ("faults", list(text()), "What is wrong"),
     ])

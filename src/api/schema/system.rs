@@ -40,6 +40,20 @@ pub(crate) fn system() -> Value {
         ("exports", count(), ""),
     ]);
     let database = object([("schema_version", count(), ""), ("bytes", count(), "Of its file and its log")]);
+    let signature = object([
+        ("key", text(), "Public key, 64 hexadecimal digits"),
+        ("signature", text(), "Of the number and the digest, 128 hexadecimal digits"),
+    ]);
+    let audit = object([
+        (
+            "head",
+            nullable(object([("number", count(), ""), ("digest", text(), "SHA-256, hexadecimal")])),
+            "The newest entry, null where there is none",
+        ),
+        ("signature", nullable(signature), "Of that entry; null where it is not signed"),
+        ("fault", nullable(text()), "How the log is otherwise than it was written, as it was found last"),
+        ("faults", count(), "Times that something else was found so"),
+    ]);
     let accounts = object([("users", count(), ""), ("tokens", count(), "")]);
     object([
         ("version", text(), "The program's"),
@@ -51,6 +65,7 @@ pub(crate) fn system() -> Value {
         ("counts", counts, "Of what the caller may see"),
         ("database", nullable(database), "For admins"),
         ("accounts", nullable(accounts), "For admins"),
+        ("audit", nullable(audit), "For admins"),
     ])
 }
 

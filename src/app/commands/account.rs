@@ -197,7 +197,9 @@ fn with_accounts(
         };
         let noted = match &done {
             Ok(Some((action, target))) => {
-                store.append_audit(&operator::entry(action, target.clone())).await.map(|_number| ())
+                let key = operator::audit_key(&config);
+                let entry = operator::entry(action, target.clone());
+                store.note_audit(&entry, key.as_ref()).await.map(|_number| ())
             }
             Ok(None) | Err(_) => Ok(()),
         };

@@ -3,8 +3,10 @@
 use super::operator::{self, Configured};
 use anyhow::{Context, Result, bail};
 use serde_json::json;
-use std::path::Path;
-use videofields_recording::store::{AuditCheck, AuditRecord, ReadOnly};
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use videofields_recording::signing::{PublicKey, SigningKey};
+use videofields_recording::store::{AuditCheck, AuditRecord, ReadOnly, SignedHead};
 use videofields_recording::telemetry::{self, LogFormat};
 
 /// Shows the daemon's audit log, or says whether it is whole.
@@ -33,10 +35,27 @@ enum Action {
         json: bool,
     },
     /// Computes the digest of every entry, and says whether they are as they were written. Exit status 1 where not.
+    ///
+    /// With `--public-key` the signatures are verified too, and the log is held against the head that was signed last: then
+    /// who rewrote the log, cut off its end or put an older one in its place shows, unless they have the key.
     Verify {
+        /// A public key (PEM) that is trusted; a key that it says took over is trusted from there on. Again for each.
+        #[arg(long, value_name = "FILE")]
+        public_key: Vec<PathBuf>,
+        /// The file of the head that was signed last, such as one that was kept elsewhere; by default that of the configuration.
+        #[arg(long, value_name = "FILE", requires = "public_key")]
+        head: Option<PathBuf>,
         /// An entry's number and digest as they were noted elsewhere; it must be this one. Again for each.
         #[arg(long, value_name = "NUMBER:DIGEST", value_parser = noted)]
         noted: Vec<(i64, String)>,
+    },
+    /// Makes a key that signs the audit log (Ed25519), and writes the public key beside it, with the ending `.pub`.
+    ///
+    /// Reads no configuration: name the key there as `storage.audit_key`, and keep the public key elsewhere.
+    Key {
+        /// The file of the private key; nothing may be there yet.
+        #[arg(long, value_name = "FILE")]
+        out: PathBuf,
     },
 }
 
@@ -55,7 +74,11 @@ fn noted(text: &str) -> Result<(i64, String), String> {
 impl Audit {
     pub(crate) fn run(&self) -> Result<()> {
         telemetry::init(LogFormat::Text, Some("warn"))?;
+        if let Action::Key { out } = &self.action {
+            return make_key(out);
+        }
         let config = self.config.load()?;
+        let kept = &config.settings().storage.audit_head;
         let path = &config.settings().storage.database;
         operator::block_on(async {
             let mut database = ReadOnly::open(path).await?;
@@ -64,7 +87,11 @@ impl Audit {
                     let write = if *json { write_json } else { write_text };
                     list(&mut database, *after, limit.unwrap_or(u32::MAX), write).await
                 }
-                Action::Verify { noted } => verify(&mut database, path, noted).await,
+                Action::Verify { noted, public_key, head } => {
+                    let head = Kept { path: head.as_ref().unwrap_or(kept), is_needed: noted.is_empty() };
+                    verify(&mut database, path, noted, (public_key, &head)).await
+                }
+                Action::Key { out } => make_key(out),
             };
             database.close().await?;
             done
@@ -113,7 +140,65 @@ pub(super) fn removed(found: &AuditCheck) -> String {
     }
 }
 
-async fn verify(database: &mut ReadOnly, path: &Path, noted: &[(i64, String)]) -> Result<()> {
+/// Makes a key and the file of its public key.
+fn make_key(out: &Path) -> Result<()> {
+    let public = SigningKey::make(out)?;
+    let mut beside = out.as_os_str().to_owned();
+    beside.push(".pub");
+    let beside = PathBuf::from(beside);
+    let mut file = std::fs::OpenOptions::new()
+        .write(true)
+        .create_new(true)
+        .open(&beside)
+        .with_context(|| format!("cannot write {}", beside.display()))?;
+    file.write_all(public.to_pem().as_bytes())
+        .with_context(|| format!("cannot write {}", beside.display()))?;
+    super::say(&format!("{}: a key, whose public key {public} is in {}", out.display(), beside.display()))
+}
+
+/// Where the head is kept that was signed last.
+struct Kept<'a> {
+    path: &'a Path,
+    /// Whether nothing else says how far the log reached.
+    is_needed: bool,
+}
+
+/// Verifies signatures with the public keys that are trusted.
+async fn verify_signatures(database: &mut ReadOnly, keys: &[PathBuf], kept: &Kept<'_>) -> Result<()> {
+    let trusted = keys.iter().map(|path| PublicKey::read(path)).collect::<Result<Vec<_>, _>>()?;
+    let shown = kept.path.display();
+    let head = SignedHead::read(kept.path).with_context(|| format!("cannot read {shown}"))?;
+    let found = database.check_signatures(&trusted, head.as_ref()).await?;
+    if let (Some(first), Some(last)) = (found.first_signed, found.last_signed) {
+        super::say(&format!("entries {first} to {last} are signed"))?;
+    }
+    for (number, key) in &found.took_over {
+        super::say(&format!("with entry {number} the key {key} took over"))?;
+    }
+    if found.n_unsigned > 0 {
+        super::say(&format!("{} of them were not signed by who wrote them", found.n_unsigned))?;
+    }
+    if found.n_others > 0 {
+        super::say(&format!("{} before them are signed with other keys", found.n_others))?;
+    }
+    if let Some(fault) = found.fault {
+        bail!("{fault}");
+    }
+    if head.is_none() && kept.is_needed {
+        bail!(
+            "there is no signed head at {shown}, so it cannot be told whether the end was cut off: --head names another file, \
+             --noted an entry that must be there"
+        );
+    }
+    Ok(())
+}
+
+async fn verify(
+    database: &mut ReadOnly,
+    path: &Path,
+    noted: &[(i64, String)],
+    (keys, kept): (&[PathBuf], &Kept<'_>),
+) -> Result<()> {
     let found = database.check_audit().await?;
     let head =
         found.head.as_ref().map(|head| format!(", the last one's digest is {head}")).unwrap_or_default();
@@ -125,6 +210,9 @@ async fn verify(database: &mut ReadOnly, path: &Path, noted: &[(i64, String)]) -
     ))?;
     if let Some(fault) = found.fault {
         bail!("{fault}");
+    }
+    if !keys.is_empty() {
+        verify_signatures(database, keys, kept).await?;
     }
     for (number, digest) in noted {
         let entry = database.audit(number - 1, 1).await?.pop().filter(|entry| entry.number == *number);

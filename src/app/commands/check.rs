@@ -4,6 +4,7 @@ use anyhow::{Result, bail};
 use std::path::PathBuf;
 use videofields_picture::scene::{self, Scene};
 use videofields_recording::ingest::{self, MediaRoots};
+use videofields_recording::signing::SigningKey;
 use videofields_service::engine::shape_concern;
 use videofields_service::sequence::SceneSequences;
 use videofields_vision::config::{self, CameraSettings, Settings, SourceSettings};
@@ -48,6 +49,7 @@ impl CheckConfig {
                 warn_of_other_shape(camera, size_px, &scenes);
             }
         }
+        warn_of_audit_key(settings);
         if n_faulty > 0 {
             bail!("{n_faulty} of {} scenes are at fault", settings.scene.len());
         }
@@ -68,6 +70,22 @@ fn warn_of_roots(settings: &Settings) {
     }
     for overlap in settings.media_folders().overlaps() {
         super::complain(&format!("warning: {overlap}"));
+    }
+}
+
+/// Warns of an audit log that is not signed, or cannot be.
+fn warn_of_audit_key(settings: &Settings) {
+    let storage = &settings.storage;
+    if !storage.signs_audit() {
+        let remedy = "`videofields audit key --out FILE` makes a key, and `storage.audit_key` names it";
+        super::complain(&format!("warning: the audit log is not signed: {remedy}"));
+        return;
+    }
+    let keys = [&storage.audit_key, &storage.audit_key_before];
+    for key in keys.into_iter().filter(|key| !key.as_os_str().is_empty()) {
+        if let Err(error) = SigningKey::read(key) {
+            super::complain(&format!("warning: the audit log cannot be signed: {error}"));
+        }
     }
 }
 

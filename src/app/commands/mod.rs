@@ -15,6 +15,7 @@ pub(crate) mod check;
 pub(crate) mod compare;
 pub(crate) mod doctor;
 mod effect_flags;
+pub(crate) mod export;
 pub mod given;
 pub(crate) mod hull;
 pub(crate) mod manual;

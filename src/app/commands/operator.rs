@@ -2,6 +2,7 @@
 
 use anyhow::{Context, Result};
 use std::path::{Path, PathBuf};
+use videofields_recording::signing::SigningKey;
 use videofields_recording::store::AuditEntry;
 use videofields_vision::clock::{Clock, SystemClock};
 use videofields_vision::config::{self, Config};
@@ -47,6 +48,20 @@ fn name_of(user: u32, known: &str) -> Option<&str> {
 pub(crate) fn entry(action: &str, target: String) -> AuditEntry {
     let (at, user) = (SystemClock::new().now(), Some(actor()));
     AuditEntry { at, user, action: action.to_owned(), target, status: DONE }
+}
+
+/// Returns the key that signs what a command notes in the audit log; none where none is configured, or where whoever runs the
+/// command may not read it, which is told.
+pub(crate) fn audit_key(config: &Config) -> Option<SigningKey> {
+    let storage = &config.settings().storage;
+    if !storage.signs_audit() {
+        return None;
+    }
+    let read = SigningKey::read(&storage.audit_key);
+    read.inspect_err(|error| {
+        super::complain(&format!("warning: the audit log's entry is not signed: {error}"))
+    })
+    .ok()
 }
 
 /// A path as whoever reads the audit log can find it.

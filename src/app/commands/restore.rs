@@ -4,9 +4,12 @@ use super::backup::{FileNote, Manifest, manifest_path};
 use super::operator::{self, Configured};
 use anyhow::{Context, Result, bail};
 use std::path::{Path, PathBuf};
+use videofields_recording::signing::SigningKey;
 use videofields_recording::store::restore::{self, Replace, Restoring};
+use videofields_recording::store::{self, AUDIT_RESTORE, SignedHead};
 use videofields_recording::telemetry::{self, LogFormat};
 use videofields_vision::clock::{Clock, SystemClock};
+use videofields_vision::config::Config;
 
 /// Puts a copy that `backup` made in the place of the daemon's database.
 ///
@@ -25,6 +28,9 @@ pub(crate) struct Restore {
     /// Also puts a good database aside, and takes a copy that is another than what stands beside it says.
     #[arg(long)]
     force: bool,
+    /// The key that signs that this is a restore, where whoever runs it cannot read the one that the configuration names.
+    #[arg(long, value_name = "FILE", requires = "copy")]
+    audit_key: Option<PathBuf>,
     /// Goes on with a restore that broke off.
     #[arg(long, conflicts_with = "undo")]
     finish: bool,
@@ -39,7 +45,7 @@ impl Restore {
         let config = self.config.load()?;
         let database = config.settings().storage.database.as_path();
         match &self.copy {
-            Some(copy) => self.put(copy, database),
+            Some(copy) => self.put(copy, &config),
             None if self.finish => {
                 let aside = operator::block_on(async { Ok(restore::finish(database).await?) })?;
                 super::say(&format!("{}: restored", database.display()))?;
@@ -52,7 +58,9 @@ impl Restore {
         }
     }
 
-    fn put(&self, copy: &Path, database: &Path) -> Result<()> {
+    fn put(&self, copy: &Path, config: &Config) -> Result<()> {
+        let storage = &config.settings().storage;
+        let database = storage.database.as_path();
         check_manifest(copy).or_else(|error| {
             if !self.force {
                 return Err(error.context("the copy is not as it was made; `--force` takes it all the same"));
@@ -61,8 +69,13 @@ impl Restore {
             Ok(())
         })?;
         let replace = if self.force { Replace::Anything } else { Replace::Damaged };
-        let entry = operator::entry("restore", operator::whole(copy));
-        let asked = Restoring { from: copy, database, replace, entry };
+        let key = match &self.audit_key {
+            Some(path) => Some(SigningKey::read(path)?),
+            None => operator::audit_key(config),
+        };
+        let target = operator::whole(copy) + &replaced_head(&storage.audit_head, key.as_ref());
+        let entry = operator::entry(AUDIT_RESTORE, target);
+        let asked = Restoring { from: copy, database, replace, entry, key: key.as_ref() };
         let now = SystemClock::new().now();
         let done = operator::block_on(async { Ok(restore::restore(asked, now).await?) })?;
         for warning in &done.warnings {
@@ -73,6 +86,24 @@ impl Restore {
         super::say(&format!("{}: restored, {tables} tables, {rows} rows", database.display()))?;
         tell_aside(&done.aside)
     }
+}
+
+/// What the entry says of the log that is replaced: how far it reached, as it was signed.
+fn replaced_head(path: &Path, key: Option<&SigningKey>) -> String {
+    let kept = match SignedHead::read(path) {
+        Ok(Some(kept)) => kept,
+        Ok(None) => return String::new(),
+        Err(error) => {
+            super::complain(&format!("warning: cannot read {}: {error}", path.display()));
+            return String::new();
+        }
+    };
+    if key.is_none() {
+        super::complain(
+            "warning: nobody signs that this is a restore, so the daemon will say at its start that the audit log is another",
+        );
+    }
+    store::replaced(&kept.noted())
 }
 
 fn tell_aside(aside: &[PathBuf]) -> Result<()> {

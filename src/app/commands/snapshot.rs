@@ -4,6 +4,7 @@ use anyhow::{Context, Result, bail};
 use std::fs::File;
 use std::io::BufReader;
 use std::path::{Path, PathBuf};
+use videofields_recording::signing::PublicKey;
 use videofields_recording::store::Store;
 use videofields_recording::telemetry::{self, LogFormat};
 use videofields_service::evidence::{CheckedFolder, check_archive, check_folder, check_index};
@@ -39,23 +40,49 @@ struct Verify {
     /// The SHA-256 that was noted of the record (with --archive) or of the last one of the chain (else).
     #[arg(long, value_name = "HEX")]
     digest: Option<String>,
+    /// A public key (PEM) with one of which the archive, or every snapshot from the first signed one on, must be signed. Again for
+    /// each.
+    #[arg(long, value_name = "FILE")]
+    public_key: Vec<PathBuf>,
 }
 
 impl Snapshot {
     pub(crate) fn run(&self) -> Result<()> {
         telemetry::init(LogFormat::Text, Some("error"))?;
         let Action::Verify(verify) = &self.action;
-        let digest = verify.digest.as_deref();
+        let keys = verify.public_key.iter().map(|path| PublicKey::read(path).map(|key| key.to_string()));
+        let noted = Noted { digest: verify.digest.as_deref(), keys: keys.collect::<Result<_, _>>()? };
         match (&verify.folder, &verify.archive, &verify.config) {
-            (Some(folder), ..) => tell(folder, &check_folder(folder)?, digest),
-            (_, Some(archive), _) => verify_archive(archive, digest),
-            (.., Some(config)) => verify_kept(&config::load(config)?, digest),
+            (Some(folder), ..) => tell(folder, &check_folder(folder)?, &noted),
+            (_, Some(archive), _) => verify_archive(archive, &noted),
+            (.., Some(config)) => verify_kept(&config::load(config)?, &noted),
             (None, None, None) => bail!("name a folder, an archive or a configuration"),
         }
     }
 }
 
-fn verify_archive(path: &Path, digest: Option<&str>) -> Result<()> {
+/// What is known of snapshots from elsewhere.
+#[derive(Default)]
+struct Noted<'a> {
+    digest: Option<&'a str>,
+    /// Public keys that are trusted, hexadecimal.
+    keys: Vec<String>,
+}
+
+impl Noted<'_> {
+    /// What is wrong with who signed a snapshot; nothing where no key was named.
+    fn fault(&self, signer: Option<&String>) -> Option<String> {
+        match signer {
+            _ if self.keys.is_empty() => None,
+            None => Some("nobody signed it".to_owned()),
+            Some(signer) if self.keys.contains(signer) => None,
+            Some(signer) => Some(format!("it is signed with {signer}, and not with a key that was named")),
+        }
+    }
+}
+
+fn verify_archive(path: &Path, noted: &Noted<'_>) -> Result<()> {
+    let digest = noted.digest;
     let file = File::open(path).with_context(|| format!("cannot open {}", path.display()))?;
     let found = check_archive(BufReader::new(file), digest)
         .with_context(|| format!("cannot read {}", path.display()))?;
@@ -63,22 +90,30 @@ fn verify_archive(path: &Path, digest: Option<&str>) -> Result<()> {
         let verdict = if file.is_whole { "as sealed" } else { "NOT AS SEALED" };
         super::say(&format!("{} {}: {verdict}", file.sha256, file.file))?;
     }
-    found.faults.iter().for_each(|fault| super::complain(fault));
+    let of_signer = noted.fault(found.signed_by.as_ref());
+    found.faults.iter().chain(&of_signer).for_each(|fault| super::complain(fault));
+    if let Some(signer) = &found.signed_by {
+        super::say(&format!("signed with {signer}"))?;
+    }
     if let Some(sealed) = &found.digest {
-        let advice = if digest.is_some() { "" } else { "; hold it against what the daemon shows" };
+        let is_known = digest.is_some() || !noted.keys.is_empty();
+        let advice = if is_known { "" } else { "; hold it against what the daemon shows" };
         super::say(&format!("{sealed} record.json{advice}"))?;
     }
-    if found.is_whole { Ok(()) } else { bail!("{} faults", found.faults.len()) }
+    match found.faults.len() + usize::from(of_signer.is_some()) {
+        0 => Ok(()),
+        n_faults => bail!("{n_faults} faults"),
+    }
 }
 
 /// The snapshots of a configuration, if there are any; part of `check-store`.
 pub(crate) fn check_kept(config: &Config) -> Result<()> {
     let folder = &config.settings().storage.snapshot_folder;
     let is_there = folder.try_exists().with_context(|| format!("cannot look for {}", folder.display()))?;
-    if is_there { verify_kept(config, None) } else { Ok(()) }
+    if is_there { verify_kept(config, &Noted::default()) } else { Ok(()) }
 }
 
-fn verify_kept(config: &Config, digest: Option<&str>) -> Result<()> {
+fn verify_kept(config: &Config, noted: &Noted<'_>) -> Result<()> {
     let storage = &config.settings().storage;
     let checked = check_folder(&storage.snapshot_folder)?;
     let database = &storage.database;
@@ -93,10 +128,11 @@ fn verify_kept(config: &Config, digest: Option<&str>) -> Result<()> {
         store.close().await?;
         anyhow::Ok(checked?)
     })?;
-    tell(&storage.snapshot_folder, &checked, digest)
+    tell(&storage.snapshot_folder, &checked, noted)
 }
 
-fn tell(folder: &Path, checked: &CheckedFolder, digest: Option<&str>) -> Result<()> {
+fn tell(folder: &Path, checked: &CheckedFolder, noted: &Noted<'_>) -> Result<()> {
+    let digest = noted.digest;
     checked.faults.iter().for_each(|fault| super::complain(fault));
     let head =
         checked.head.as_ref().map(|head| format!(", the last one's digest is {head}")).unwrap_or_default();
@@ -112,7 +148,17 @@ fn tell(folder: &Path, checked: &CheckedFolder, digest: Option<&str>) -> Result<
     if is_other {
         super::complain("the last snapshot's digest is not the one that was named");
     }
-    match checked.n_faults + u64::from(is_other) {
+    // The chain vouches for those before the first that was signed.
+    let signed = checked.signers.iter().skip_while(|(_, signer)| signer.is_none());
+    let of_signers: Vec<String> =
+        signed.filter_map(|(id, signer)| Some(format!("{id}: {}", noted.fault(signer.as_ref())?))).collect();
+    of_signers.iter().for_each(|fault| super::complain(fault));
+    let is_nothing_signed =
+        !noted.keys.is_empty() && checked.signers.iter().all(|(_, signer)| signer.is_none());
+    if is_nothing_signed {
+        super::complain("no snapshot is signed");
+    }
+    match checked.n_faults + of_signers.len() as u64 + u64::from(is_other) + u64::from(is_nothing_signed) {
         0 => Ok(()),
         n_faults => bail!("{n_faults} faults"),
     }

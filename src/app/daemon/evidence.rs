@@ -23,11 +23,11 @@ pub(super) async fn open(
     store: &Store,
     metrics: &Arc<Metrics>,
     clock: &Arc<dyn Clock>,
-) -> Option<Arc<Snapshots>> {
+) -> Option<Snapshots> {
     let settings = SnapshotSettings::from(&config.settings().storage);
     let opened = Snapshots::open(settings, store.clone(), Arc::clone(metrics), Arc::clone(clock)).await;
     match opened {
-        Ok(snapshots) => Some(Arc::new(snapshots)),
+        Ok(snapshots) => Some(snapshots),
         Err(error) => {
             tracing::error!(%error, "no snapshots are kept until the next start");
             None

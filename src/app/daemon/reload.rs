@@ -4,7 +4,7 @@
 use super::{configured_scenes, warn_of_unknown_cameras};
 use std::sync::Arc;
 use videofields_recording::archive::Archive;
-use videofields_recording::store::{AuditEntry, Store};
+use videofields_recording::store::Store;
 use videofields_recording::telemetry::Metrics;
 use videofields_service::catalog::Catalog;
 use videofields_service::engine::Reloader;
@@ -103,22 +103,13 @@ impl Reload {
         }
         let age_nanos = (max_age_days * 86_400e9) as i64;
         loop {
-            let until = self.clock.now().saturating_add_nanos(-age_nanos);
-            let (last, digest) = match self.store.shorten_audit(until).await {
-                Ok(Some(removed)) => removed,
-                Ok(None) => return,
-                Err(error) => return tracing::error!(%error, "the audit log cannot be shortened"),
-            };
-            let entry = AuditEntry {
-                at: self.clock.now(),
-                user: None,
-                action: "audit retention".to_owned(),
-                target: format!("entries up to {last} are removed; its digest was {digest}"),
-                status: 200,
-            };
-            if let Err(error) = self.store.append_audit(&entry).await {
-                tracing::error!(%error, "it is not noted in the audit log that it was shortened");
-            }
+            let now = self.clock.now();
+            let (last, digest) =
+                match self.store.shorten_audit(now.saturating_add_nanos(-age_nanos), now).await {
+                    Ok(Some(removed)) => removed,
+                    Ok(None) => return,
+                    Err(error) => return tracing::error!(%error, "the audit log cannot be shortened"),
+                };
             tracing::info!(last, digest, "entries of the audit log are removed for their age");
         }
     }

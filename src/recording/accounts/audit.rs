@@ -1,6 +1,6 @@
 //! What was done: the audit log, and which looks are worth a line of it.
 
-use crate::store::{AuditEntry, AuditRecord, Store, StoreError};
+use crate::store::{AuditEntry, AuditRecord, AuditState, Store, StoreError};
 use std::collections::HashMap;
 use std::sync::{Mutex, PoisonError};
 use std::time::Duration;
@@ -83,6 +83,12 @@ impl Audit {
     /// When the database fails: then it was not noted.
     pub async fn append(&self, entry: &AuditEntry) -> Result<i64, StoreError> {
         self.store.append_audit(entry).await
+    }
+
+    /// Returns how the log fares.
+    #[must_use]
+    pub fn state(&self) -> AuditState {
+        self.store.audit_state()
     }
 
     /// The first `limit` entries after number `after`.

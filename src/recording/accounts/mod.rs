@@ -4,12 +4,14 @@
 //! kept in the store, durable before a change is acknowledged, and in memory, where every request finds them; sessions in
 //! memory alone. While there is no user at all everybody is an admin: the daemon then listens on loopback addresses only.
 
+mod anchor;
 mod audit;
 mod document;
 mod error;
 mod secret;
 mod throttle;
 
+pub use anchor::{Anchor, AnchorError};
 pub use audit::{Audit, MAX_PARTS_EACH, Newness};
 pub use document::{TokenSummary, UserChange, UserSummary};
 pub use error::AccountError;

@@ -31,13 +31,14 @@ pub use check::{Checked, check, repair};
 pub use error::ArchiveError;
 pub use export::{
     Clip, ExportCamera, ExportFile, ExportRequest, ExportState, ExportStatus, ExportedCamera, Exports,
-    Manifest, Redraw, Redrawing, Unreadable,
+    Manifest, Redraw, Redrawing, Unreadable, VerifiedExport, verify_export,
 };
 pub use lane::{CameraRecording, RecordingState};
 pub use reading::Reading;
 pub use reconcile::Reconciled;
 pub use recorder::Recorder;
 
+use crate::signing::SigningKey;
 use crate::store::{SegmentRecord, Store};
 use crate::telemetry::Metrics;
 use shared::Shared;
@@ -188,6 +189,11 @@ impl Archive {
     /// Breaks off what is being exported: all is to end. What is recorded goes on.
     pub fn end_exports(&self) {
         self.shared.exports.end();
+    }
+
+    /// Signs exports' manifests from now on.
+    pub fn sign_exports(&self, key: Arc<SigningKey>) {
+        self.shared.sign_exports(key);
     }
 
     /// Takes an export back or removes it, however far it is; false where there is none of that id.

@@ -6,13 +6,14 @@ use super::name::SegmentName;
 use super::queue::Queue;
 use super::reconcile::Reconciled;
 use super::{ArchiveError, CameraRecording, Exports, Reading, RecordingState};
+use crate::signing::SigningKey;
 use crate::store::{SegmentRecord, Store};
 use crate::telemetry::Metrics;
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
-use std::sync::{Arc, Mutex};
+use std::sync::{Arc, Mutex, OnceLock};
 use std::thread::JoinHandle;
 use tokio::runtime::Handle as Runtime;
 use videofields_vision::clock::{Clock, Timestamp};
@@ -40,6 +41,8 @@ pub(super) struct Shared {
     pub clock: Arc<dyn Clock>,
     pub queue: Queue,
     pub exports: Exports,
+    /// What signs exports' manifests.
+    key: OnceLock<Arc<SigningKey>>,
     /// Set when all is to end; long work looks at it.
     pub stop: AtomicBool,
     /// None while the folder cannot be used.
@@ -57,6 +60,18 @@ pub(super) struct Shared {
 }
 
 impl Shared {
+    /// Signs exports' manifests from now on.
+    pub(super) fn sign_exports(&self, key: Arc<SigningKey>) {
+        if self.key.set(key).is_err() {
+            tracing::warn!("exports are signed already");
+        }
+    }
+
+    /// What signs exports' manifests, where there is a key.
+    pub(super) fn signing_key(&self) -> Option<&SigningKey> {
+        self.key.get().map(|key| &**key)
+    }
+
     pub(super) fn new(
         settings: ArchiveSettings,
         store: Store,
@@ -72,6 +87,7 @@ impl Shared {
             clock,
             queue: Queue::new(QUEUE_BYTES),
             exports: Exports::default(),
+            key: OnceLock::new(),
             stop: AtomicBool::new(false),
             folder: Mutex::default(),
             lanes: Mutex::default(),

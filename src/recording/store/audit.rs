@@ -1,9 +1,12 @@
 //! Tables `audit` and `audit_anchor`: who did what. Only ever added to, on disk when it is acknowledged, and chained by
 //! digests. Where the oldest entries are removed for their age, the anchor keeps the digest that the next one builds on.
 
+use super::audit_seal::{AUDIT_CHANGED, Since, compare, notice, unsigned_notice};
+use super::audit_verify::{self, SignatureCheck};
 use super::migrate::SCHEMA_VERSION;
 use super::open::open_to_add;
-use super::{ReadOnly, Store, StoreError};
+use super::{ReadOnly, SignedHead, Store, StoreError};
+use crate::signing::{PublicKey, Purpose, Signature, SigningKey};
 use sha2::Digest;
 use sqlx::{Connection, SqliteConnection};
 use std::path::{Path, PathBuf};
@@ -48,7 +51,12 @@ impl AuditRecord {
     /// Its digest, lower-case hexadecimal.
     #[must_use]
     pub fn digest_text(&self) -> String {
-        self.digest.iter().map(|byte| format!("{byte:02x}")).collect()
+        hex(&self.digest)
+    }
+
+    /// Returns whether its digest is that of an entry behind one with the digest `before`.
+    pub(super) fn follows(&self, before: &[u8; 32]) -> bool {
+        self.digest == digest(before, self.number, &self.entry)
     }
 }
 
@@ -83,25 +91,76 @@ fn digest(before: &[u8; 32], number: i64, entry: &AuditEntry) -> [u8; 32] {
     hash.finalize().into()
 }
 
-/// Adds an entry to what `connection` has open; its number. It is on disk when it is acknowledged.
-pub(super) async fn append(
+/// The last entry of the log; of an empty one the last that was removed, or 0 and zeros.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Head {
+    pub(super) number: i64,
+    pub(super) digest: [u8; 32],
+}
+
+/// What was added to the log.
+#[derive(Clone, Debug)]
+pub(super) struct Written {
+    /// The entry that was asked for, which is the last now.
+    pub(super) head: Head,
+    /// Of that entry, where there is a key.
+    pub(super) signature: Option<Signature>,
+    /// What was wrong with the log before.
+    pub(super) fault: Option<String>,
+}
+
+/// Adds an entry to what `connection` has open. It is on disk when it is acknowledged.
+async fn append(
     connection: &mut SqliteConnection,
     path: &Path,
     entry: &AuditEntry,
-) -> Result<i64, StoreError> {
+    with: (Option<Head>, Option<&SigningKey>),
+) -> Result<Written, StoreError> {
     let classify = |error| StoreError::classify(error, path);
     // The write lock is taken before the last row is read: another process may write too.
     let mut transaction = connection.begin_with("begin immediate").await.map_err(classify)?;
-    let last: Option<(i64, Vec<u8>)> =
-        sqlx::query_as("select number, digest from audit order by number desc limit 1")
-            .fetch_optional(&mut *transaction)
-            .await
-            .map_err(classify)?;
-    let (number, before) = match last {
-        Some((number, digest)) => (number, as_digest(digest, path)?),
-        None => anchor(&mut transaction, path).await?,
+    let written = append_within(&mut transaction, path, entry, with).await?;
+    transaction.commit().await.map_err(classify)?;
+    Ok(written)
+}
+
+/// Adds an entry within a transaction, signed with the key where there is one. Before it the log is compared with its last entry
+/// as it is known, and what others did to it since is told in entries of their own.
+pub(super) async fn append_within(
+    transaction: &mut SqliteConnection,
+    path: &Path,
+    entry: &AuditEntry,
+    (known, key): (Option<Head>, Option<&SigningKey>),
+) -> Result<Written, StoreError> {
+    let since = match known {
+        Some(known) => compare(transaction, path, known, key.map(SigningKey::public)).await?,
+        None => Since::AsLeft,
     };
-    let number = number + 1;
+    let mut head = last(transaction, path).await?;
+    let (told, fault) = match since {
+        Since::AsLeft => (None, None),
+        // Without a key nothing is signed, and commands write into the log too.
+        Since::Unsigned(..) if key.is_none() => (None, None),
+        Since::Unsigned(first, last) => (Some(unsigned_notice(entry.at, (first, last))), None),
+        Since::Changed(fault) => (Some(notice(entry.at, AUDIT_CHANGED, fault.clone())), Some(fault)),
+    };
+    let mut signature = None;
+    for entry in told.iter().chain([entry]) {
+        (head, signature) = insert(transaction, path, (head, entry), key).await?;
+    }
+    Ok(Written { head, signature, fault })
+}
+
+/// Writes an entry behind the last one.
+async fn insert(
+    transaction: &mut SqliteConnection,
+    path: &Path,
+    (before, entry): (Head, &AuditEntry),
+    key: Option<&SigningKey>,
+) -> Result<(Head, Option<Signature>), StoreError> {
+    let classify = |error| StoreError::classify(error, path);
+    let number = before.number + 1;
+    let head = Head { number, digest: digest(&before.digest, number, entry) };
     sqlx::query(
         "insert into audit (number, at, user, action, target, status, digest) values (?, ?, ?, ?, ?, ?, ?)",
     )
@@ -111,22 +170,47 @@ pub(super) async fn append(
     .bind(&entry.action)
     .bind(&entry.target)
     .bind(i64::from(entry.status))
-    .bind(&digest(&before, number, entry)[..])
+    .bind(&head.digest[..])
     .execute(&mut *transaction)
     .await
     .map_err(classify)?;
-    transaction.commit().await.map_err(classify)?;
-    Ok(number)
+    let Some(key) = key else { return Ok((head, None)) };
+    let signature = key.sign(Purpose::AuditHead, &head.message());
+    sqlx::query("insert into audit_signature (number, key, signature) values (?, ?, ?)")
+        .bind(number)
+        .bind(&signature.key.as_bytes()[..])
+        .bind(&signature.bytes[..])
+        .execute(transaction)
+        .await
+        .map_err(classify)?;
+    Ok((head, Some(signature)))
 }
 
-fn as_digest(bytes: Vec<u8>, path: &Path) -> Result<[u8; 32], StoreError> {
+/// The last entry of the log.
+pub(super) async fn last(connection: &mut SqliteConnection, path: &Path) -> Result<Head, StoreError> {
+    let last: Option<(i64, Vec<u8>)> =
+        sqlx::query_as("select number, digest from audit order by number desc limit 1")
+            .fetch_optional(&mut *connection)
+            .await
+            .map_err(|error| StoreError::classify(error, path))?;
+    let (number, digest) = match last {
+        Some((number, digest)) => (number, as_digest(digest, path)?),
+        None => anchor(connection, path).await?,
+    };
+    Ok(Head { number, digest })
+}
+
+pub(super) fn as_digest(bytes: Vec<u8>, path: &Path) -> Result<[u8; 32], StoreError> {
     let unreadable = || StoreError::UnreadableRow { path: path.to_owned(), what: "audit.digest" };
     bytes.try_into().map_err(|_wrong_length| unreadable())
 }
 
 /// The last entry that was removed: its number and digest; 0 and zeros where none was. A schema from before that could be has
 /// no table of it.
-async fn anchor(connection: &mut SqliteConnection, path: &Path) -> Result<(i64, [u8; 32]), StoreError> {
+pub(super) async fn anchor(
+    connection: &mut SqliteConnection,
+    path: &Path,
+) -> Result<(i64, [u8; 32]), StoreError> {
     let classify = |error| StoreError::classify(error, path);
     let tables: Vec<String> =
         sqlx::query_scalar("select name from sqlite_schema where type = 'table' and name = 'audit_anchor'")
@@ -143,26 +227,60 @@ async fn anchor(connection: &mut SqliteConnection, path: &Path) -> Result<(i64, 
     kept.map_or(Ok((0, [0; 32])), |(number, digest)| Ok((number, as_digest(digest, path)?)))
 }
 
-/// Adds an entry to the database at `path`, whoever has it open; its number. A database of another schema is left alone.
+/// Adds an entry to the database at `path`, whoever has it open, signed with the key where there is one; its number. A
+/// database of another schema is left alone.
 ///
 /// # Errors
 /// When there is no database, its schema is another, or it fails: then it was not noted.
-pub async fn note_audit(path: &Path, entry: &AuditEntry) -> Result<i64, StoreError> {
+pub async fn note_audit(
+    path: &Path,
+    entry: &AuditEntry,
+    key: Option<&SigningKey>,
+) -> Result<i64, StoreError> {
     let mut connection = open_to_add(path).await?;
-    let number = append(&mut connection, path, entry).await?;
+    let written = note_in(&mut connection, path, entry, key).await?;
     connection.close().await.map_err(|error| StoreError::classify(error, path))?;
-    Ok(number)
+    Ok(written)
+}
+
+/// Adds an entry to what `connection` has open, signed with the key where there is one; its number.
+pub(super) async fn note_in(
+    connection: &mut SqliteConnection,
+    path: &Path,
+    entry: &AuditEntry,
+    key: Option<&SigningKey>,
+) -> Result<i64, StoreError> {
+    append(connection, path, entry, (None, key)).await.map(|written| written.head.number)
 }
 
 impl Store {
-    /// Adds an entry; its number.
+    /// Adds an entry, signed where there is a key; its number. What others did to the log since the last one is told in entries
+    /// before it, and by [`Store::audit_state`].
     ///
     /// # Errors
     /// When the database fails: then it was not noted.
     #[tracing::instrument(level = "debug", name = "store", skip_all, fields(what = "append_audit"))]
     pub async fn append_audit(&self, entry: &AuditEntry) -> Result<i64, StoreError> {
         let mut connection = self.durable.acquire().await.map_err(|error| self.classify(error))?;
-        append(&mut connection, &self.path, entry).await
+        let with = (self.audit.head(), self.audit.key());
+        let written = append(&mut connection, &self.path, entry, with).await?;
+        // The connection is held: there is one, so entries become known in their order.
+        self.audit.remember(written.head, written.signature);
+        if let Some(fault) = &written.fault {
+            self.audit.tell(fault);
+        }
+        self.audit.write_head().await;
+        Ok(written.head.number)
+    }
+
+    /// Adds an entry as [`Store::append_audit`] does, signed with that key where the log is not signed by this process.
+    ///
+    /// # Errors
+    /// As [`Store::append_audit`].
+    pub async fn note_audit(&self, entry: &AuditEntry, key: Option<&SigningKey>) -> Result<i64, StoreError> {
+        let mut connection = self.durable.acquire().await.map_err(|error| self.classify(error))?;
+        let with = (self.audit.head(), self.audit.key().or(key));
+        append(&mut connection, &self.path, entry, with).await.map(|written| written.head.number)
     }
 
     /// The first `limit` entries after number `after`.
@@ -184,11 +302,15 @@ impl Store {
     }
 
     /// Removes entries from before `until`, from the first on, at most 10 000, never the newest; the number and digest
-    /// of the last that went, if any did. What is left is chained to that digest.
+    /// of the last that went, if any did. What is left is chained to that digest, and an entry of the time `at` says so.
     ///
     /// # Errors
     /// When the database fails: then none is removed.
-    pub async fn shorten_audit(&self, until: Timestamp) -> Result<Option<(i64, String)>, StoreError> {
+    pub async fn shorten_audit(
+        &self,
+        until: Timestamp,
+        at: Timestamp,
+    ) -> Result<Option<(i64, String)>, StoreError> {
         let classify = |error| self.classify(error);
         let mut connection = self.durable.acquire().await.map_err(classify)?;
         let mut transaction = connection.begin_with("begin immediate").await.map_err(classify)?;
@@ -208,19 +330,38 @@ impl Store {
             .fetch_one(&mut *transaction)
             .await
             .map_err(classify)?;
-        for change in
-            ["update audit_anchor set number = ?1, digest = ?2", "delete from audit where number <= ?1"]
-        {
+        for change in [
+            "update audit_anchor set number = ?1, digest = ?2",
+            "delete from audit where number <= ?1",
+            "delete from audit_signature where number <= ?1",
+        ] {
             let query = sqlx::query(change).bind(last);
             let query = if change.contains("?2") { query.bind(&digest) } else { query };
             query.execute(&mut *transaction).await.map_err(classify)?;
         }
+        let digest = hex(&as_digest(digest, &self.path)?);
+        let entry = notice(at, AUDIT_RETENTION, removal(last, &digest));
+        let with = (self.audit.head(), self.audit.key());
+        let written = append_within(&mut transaction, &self.path, &entry, with).await?;
         transaction.commit().await.map_err(classify)?;
-        Ok(Some((last, hex(&as_digest(digest, &self.path)?))))
+        self.audit.remember(written.head, written.signature);
+        if let Some(fault) = &written.fault {
+            self.audit.tell(fault);
+        }
+        self.audit.write_head().await;
+        Ok(Some((last, digest)))
     }
 }
 
-fn hex(digest: &[u8; 32]) -> String {
+/// What an entry is called that says which entries were removed for their age.
+pub(super) const AUDIT_RETENTION: &str = "audit retention";
+
+/// What it says.
+pub(super) fn removal(last: i64, digest: &str) -> String {
+    format!("entries up to {last} are removed; its digest was {digest}")
+}
+
+pub(super) fn hex(digest: &[u8; 32]) -> String {
     digest.iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
@@ -243,6 +384,20 @@ impl ReadOnly {
         check(connection, path).await
     }
 
+    /// Verifies the signatures of all entries with the keys that are trusted, and holds the log against the head as it was signed,
+    /// where that is kept.
+    ///
+    /// # Errors
+    /// As [`Self::check_audit`].
+    pub async fn check_signatures(
+        &mut self,
+        trusted: &[PublicKey],
+        kept: Option<&SignedHead>,
+    ) -> Result<SignatureCheck, StoreError> {
+        let (connection, path) = self.audited().await?;
+        audit_verify::verify(connection, path, trusted, kept).await
+    }
+
     async fn audited(&mut self) -> Result<(&mut SqliteConnection, &PathBuf), StoreError> {
         let found = self.schema().await?;
         let known = SCHEMA_VERSION;
@@ -257,7 +412,7 @@ impl ReadOnly {
     }
 }
 
-async fn page(
+pub(super) async fn page(
     connection: &mut SqliteConnection,
     path: &Path,
     after: i64,
@@ -296,7 +451,7 @@ async fn check(connection: &mut SqliteConnection, path: &Path) -> Result<AuditCh
                 fault = Some(format!("entry {} is missing", last + 1));
                 break 'all;
             }
-            if record.digest != digest(&before, record.number, &record.entry) {
+            if !record.follows(&before) {
                 let number = record.number;
                 fault = Some(format!("entry {number} or one before it is not as it was written"));
                 break 'all;

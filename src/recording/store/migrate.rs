@@ -7,7 +7,7 @@ use sqlx::migrate::{Migration, MigrationType, Migrator};
 type Step = (i64, &'static str, &'static str);
 
 /// Never edited or reordered once released: their digests are kept in the database.
-const STEPS: [Step; 17] = [
+const STEPS: [Step; 18] = [
     (1, "create_scene", include_str!("../../../migrations/0001_create_scene.sql")),
     (2, "create_background", include_str!("../../../migrations/0002_create_background.sql")),
     (3, "create_texture_map", include_str!("../../../migrations/0003_create_texture_map.sql")),
@@ -25,10 +25,11 @@ const STEPS: [Step; 17] = [
     (15, "create_audit_anchor", include_str!("../../../migrations/0015_create_audit_anchor.sql")),
     (16, "create_entity", include_str!("../../../migrations/0016_create_entity.sql")),
     (17, "alter_snapshot", include_str!("../../../migrations/0017_alter_snapshot.sql")),
+    (18, "create_audit_signature", include_str!("../../../migrations/0018_create_audit_signature.sql")),
 ];
 
 /// The newest schema that this release knows.
-pub const SCHEMA_VERSION: i64 = STEPS.len() as i64;
+pub const SCHEMA_VERSION: i64 = STEPS[STEPS.len() - 1].0;
 
 /// The steps up to schema `version`.
 pub(super) fn migrator(version: i64) -> Migrator {

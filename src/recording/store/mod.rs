@@ -10,6 +10,8 @@
 
 mod activity;
 mod audit;
+mod audit_seal;
+mod audit_verify;
 mod background;
 mod background_history;
 mod copy;
@@ -32,6 +34,10 @@ mod user;
 
 pub use activity::ActivityRecord;
 pub use audit::{AuditCheck, AuditEntry, AuditRecord, note_audit};
+pub use audit_seal::{
+    AUDIT_CHANGED, AUDIT_KEY, AUDIT_RESTORE, AUDIT_UNSIGNED, AuditKeys, AuditState, SignedHead, replaced,
+};
+pub use audit_verify::SignatureCheck;
 pub use background::BackgroundRecord;
 pub use background_history::BackgroundHistoryBounds;
 pub use copy::{Contents, Depth, ReadOnly, copy, verify};
@@ -53,6 +59,7 @@ pub use user::{TokenRecord, UserRecord};
 
 use sqlx::SqlitePool;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::time::Duration;
 use videofields_vision::clock::Timestamp;
 
@@ -69,6 +76,7 @@ pub struct Store {
     durable: SqlitePool,
     cache: SqlitePool,
     texture_maps_bytes: u64,
+    audit: Arc<audit_seal::Seal>,
 }
 
 impl Store {

@@ -8,6 +8,7 @@ use sqlx::sqlite::{SqliteConnectOptions, SqliteJournalMode, SqlitePoolOptions, S
 use sqlx::{ConnectOptions, Connection, SqliteConnection};
 use std::os::unix::fs::OpenOptionsExt;
 use std::path::Path;
+use std::sync::Arc;
 use std::time::Duration;
 
 /// "vfld" in ASCII, as the first migration writes it.
@@ -87,7 +88,10 @@ pub(super) async fn open(path: &Path, texture_maps_bytes: u64) -> Result<Store, 
     let durable = pool(1, options.clone().synchronous(SqliteSynchronous::Full)).await.map_err(classify)?;
     migrate(&durable, &path).await?;
     let cache = pool(CACHE_CONNECTIONS, options.synchronous(SqliteSynchronous::Normal)).await;
-    Ok(Store { durable, cache: cache.map_err(classify)?, path, texture_maps_bytes })
+    let cache = cache.map_err(classify)?;
+    let store = Store { durable, cache, path, texture_maps_bytes, audit: Arc::default() };
+    store.remember_audit().await?;
+    Ok(store)
 }
 
 /// Waits for other processes that open a database in `folder`. The lock is the folder's: one on the database itself

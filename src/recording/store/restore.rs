@@ -6,10 +6,11 @@
 //! What was there before is kept beside it, under a name with the time.
 
 use super::StoreError;
-use super::audit::{AuditEntry, append};
+use super::audit::{AuditEntry, note_in};
 use super::copy::{Contents, Depth, ReadOnly, copy, remove_if_there, verify};
 use super::open::{open_alone, take_turn};
 use super::probe::{Standing, beside, holder, probe};
+use crate::signing::SigningKey;
 use serde::{Deserialize, Serialize};
 use sqlx::Connection;
 use std::fs::{File, Metadata};
@@ -48,6 +49,8 @@ pub struct Restoring<'a> {
     pub replace: Replace,
     /// What the audit log of the new database says of it, as its newest entry.
     pub entry: AuditEntry,
+    /// What signs that entry.
+    pub key: Option<&'a SigningKey>,
 }
 
 /// How far it is.
@@ -110,7 +113,7 @@ pub async fn restore_in_steps(
     let found = verify(asked.from).await?;
     // What is left of one that was killed.
     place.sweep()?;
-    let prepared = place.prepare(asked.from, &found, &asked.entry, old.as_ref()).await;
+    let prepared = place.prepare(asked.from, &found, (&asked.entry, asked.key), old.as_ref()).await;
     let (contents, warnings) = match prepared {
         Ok(prepared) => prepared,
         Err(error) => {
@@ -279,7 +282,7 @@ impl Place {
         &self,
         from: &Path,
         found: &Contents,
-        entry: &AuditEntry,
+        (entry, key): (&AuditEntry, Option<&SigningKey>),
         old: Option<&Metadata>,
     ) -> Result<(Contents, Vec<String>), StoreError> {
         let to = beside(&self.path, COPY);
@@ -289,7 +292,7 @@ impl Place {
             return Err(StoreError::Damaged { path: from.to_owned(), detail });
         }
         let mut connection = open_alone(&to).await?;
-        append(&mut connection, &to, entry).await?;
+        note_in(&mut connection, &to, entry, key).await?;
         connection.close().await.map_err(|error| StoreError::classify(error, &to))?;
         let contents = verify(&to).await?;
         let warnings = self.dress(&to, old)?;

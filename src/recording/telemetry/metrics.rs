@@ -95,6 +95,10 @@ pub struct Metrics {
     pub evidence_kept: IntGauge,
     /// Bytes of all snapshots.
     pub evidence_kept_bytes: IntGauge,
+    /// How often the audit log was found otherwise than it was written.
+    pub audit_faults: IntCounter,
+    /// How often the newest entry of the audit log could not be told elsewhere.
+    pub audit_anchors_failed: IntCounter,
     /// Answered requests. Labels: route (its template, never the path itself), status.
     pub api_requests: IntCounterVec,
     /// Seconds from a request to its answer. Labels: route.
@@ -304,6 +308,16 @@ impl Metrics {
                 "Time from a request to its answer.",
                 &["route"],
                 &REQUEST_SECONDS,
+            ),
+            audit_faults: counter(
+                r,
+                "audit_faults_total",
+                "Times that the audit log was found otherwise than this daemon wrote it.",
+            ),
+            audit_anchors_failed: counter(
+                r,
+                "audit_anchors_failed_total",
+                "Times that the newest entry of the audit log could not be told elsewhere.",
             ),
             config_reloads: counter(
                 r,

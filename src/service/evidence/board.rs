@@ -2,7 +2,7 @@
 //! what the caller may not have is not there.
 
 use super::bundle::Bundle;
-use super::record::{LINK, PICTURE, RECORD, camera_file};
+use super::record::{LINK, PICTURE, RECORD, SIGNATURE, camera_file};
 use super::share::{Coming, limited};
 use super::verify::{Verification, verify_files};
 use super::{EvidenceError, Snapshots};
@@ -316,4 +316,4 @@ fn check_condition(record: &SnapshotRecord, condition: Condition) -> Result<(), 
 }
 
 /// The files of a snapshot whose names are its own, whatever its record says.
-pub(super) const OWN: [&str; 2] = [RECORD, LINK];
+pub(super) const OWN: [&str; 3] = [RECORD, LINK, SIGNATURE];

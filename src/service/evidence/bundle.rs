@@ -3,7 +3,7 @@
 
 use super::EvidenceError;
 use super::folder::{open, parsed, read};
-use super::record::{RECORD, ReadRecord, hex};
+use super::record::{RECORD, ReadRecord, SIGNATURE, hex};
 use futures_util::stream::{self, Stream};
 use serde_json::json;
 use std::fmt::Write as _;
@@ -93,6 +93,10 @@ impl Bundle {
         let mut entries = vec![text(README, readme(record).into_bytes())?, text(SUMS, sums.into_bytes())?];
         entries.push(text(RECORD, sealed)?);
         entries.push(text("annotations.json", said)?);
+        let signature = place.join(SIGNATURE);
+        if signature.try_exists().map_err(EvidenceError::files("look at", &signature))? {
+            entries.push(text(SIGNATURE, read(&signature)?)?);
+        }
         if let Some(link) = link {
             entries.push(text(link, read(&place.join(link))?)?);
         }
@@ -186,6 +190,7 @@ fn readme(record: &SnapshotRecord) -> String {
          \u{20}                    and the SHA-256 of every picture\n\
          annotations.json     what was said of it since; no part of what was sealed\n\
          link.json            if it is there: opens the record's `previous`, its link to the snapshot before\n\
+         signature.json       if it is there: who signed record.json (Ed25519), and the signature\n\
          SHA256SUMS           the SHA-256 of these files\n\
          \n\
          To verify it without the daemon:\n\
@@ -198,7 +203,8 @@ fn readme(record: &SnapshotRecord) -> String {
          \u{20}  Whoever could change this file could change that line too: hold it against the digest that the daemon\n\
          \u{20}  shows (`digest` of /api/v1/snapshots/{id}), or that was noted elsewhere.\n\
          \n\
-         `videofields snapshot verify --archive FILE.tar --digest DIGEST` does both on the archive as it came.\n",
+         `videofields snapshot verify --archive FILE.tar --digest DIGEST` does both on the archive as it came,\n\
+         and with --public-key FILE it verifies the signature, which nobody can make without the daemon's key.\n",
         made_at = record.made_at,
         shown_at = record.shown_at,
     )

@@ -26,6 +26,8 @@ pub struct CheckedFolder {
     /// The SHA-256 of the record that was sealed last, removed or not: whoever noted it can tell later that nothing before it
     /// was changed, taken out or put in.
     pub head: Option<String>,
+    /// Each that is there in the order of the chain, with the public key, hexadecimal, of who signed it.
+    pub signers: Vec<(String, Option<String>)>,
     /// What is wrong, at most a hundred lines.
     pub faults: Vec<String>,
     /// How much is wrong.
@@ -50,6 +52,7 @@ impl CheckedFolder {
 pub fn check_folder(path: &Path) -> Result<CheckedFolder, EvidenceError> {
     let mut checked = CheckedFolder::default();
     let mut chain: Vec<Link> = Vec::new();
+    let mut signers = BTreeMap::new();
     for id in names(path)?.into_iter().filter(|name| is_snapshot_id(name)) {
         let place = path.join(&id);
         let found = match find(&place) {
@@ -68,7 +71,9 @@ pub fn check_folder(path: &Path) -> Result<CheckedFolder, EvidenceError> {
             checked.n_removed += 1;
         } else {
             checked.n_there += 1;
-            for fault in verify_place(&place).faults {
+            let verified = verify_place(&place);
+            signers.insert(found.link.number, (id.clone(), verified.signed_by));
+            for fault in verified.faults {
                 checked.fault(format!("{id}: {fault}"));
             }
         }
@@ -76,6 +81,7 @@ pub fn check_folder(path: &Path) -> Result<CheckedFolder, EvidenceError> {
         chain.push(found.link);
     }
     chain.sort_by_key(|link| link.number);
+    checked.signers = signers.into_values().collect();
     checked.first = chain.first().map_or(0, |link| link.number);
     for pair in chain.windows(2) {
         let (before, link) = (&pair[0], &pair[1]);

@@ -5,7 +5,8 @@
 
 use super::EvidenceError;
 use super::record::{
-    FileEntry, LINK, Link, MAX_RECORD_BYTES, RECORD, REMOVAL, Removal, canonical, digest, hex, is_snapshot_id,
+    FileEntry, LINK, Link, MAX_RECORD_BYTES, RECORD, REMOVAL, Removal, SIGNATURE, canonical, digest, hex,
+    is_snapshot_id,
 };
 use std::fs::{DirBuilder, File, OpenOptions};
 use std::io::{self, Read, Write};
@@ -210,8 +211,16 @@ impl Making {
         self.files.iter().map(|file| file.bytes).sum()
     }
 
-    /// Writes record and link, and gives the snapshot its name: from then on it is there.
-    pub(super) fn seal(mut self, record: &[u8], link: &[u8]) -> Result<(), EvidenceError> {
+    /// Writes record, link and signature, and gives the snapshot its name: from then on it is there.
+    pub(super) fn seal(
+        mut self,
+        record: &[u8],
+        link: &[u8],
+        signature: Option<&[u8]>,
+    ) -> Result<(), EvidenceError> {
+        if let Some(signature) = signature {
+            write(&self.path.join(SIGNATURE), signature)?;
+        }
         write(&self.path.join(RECORD), record)?;
         write(&self.path.join(LINK), link)?;
         sync(&self.path)?;

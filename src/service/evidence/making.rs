@@ -7,6 +7,7 @@ use super::share::{Coming, limited};
 use super::{EvidenceError, Snapshots};
 use crate::engine::{At, BlurAsked, Handle, ViewRequest};
 use serde_json::{Value, json};
+use videofields_recording::signing::{Purpose, SignatureText, SigningKey};
 use videofields_recording::store::{SnapshotAnnotation, SnapshotRecord};
 use videofields_recording::telemetry::SnapshotFailure;
 use videofields_vision::access::Grants;
@@ -221,14 +222,18 @@ impl Snapshots {
             previous: hex(&previous),
             salt: hex(&salt),
         })?;
-        let n_bytes = making.len_bytes() + (record.len() + opened.len()) as u64;
+        let sign = |key: &SigningKey| encoded(&SignatureText::from(key.sign(Purpose::Snapshot, &record)));
+        let signature = self.key.as_deref().map(sign).transpose()?;
+        let n_signature = signature.as_ref().map_or(0, Vec::len);
+        let n_bytes = making.len_bytes() + (record.len() + opened.len() + n_signature) as u64;
         match limited(maker.user, maker.grants).filter(|_| sealing.hold) {
             Some(user) => self.check_held(user, (Coming::New, n_bytes)).await?,
             None => self.make_room(maker, n_bytes).await?,
         }
         let id = making.id().to_owned();
         let folder = std::sync::Arc::clone(making.folder());
-        let sealed = tokio::task::spawn_blocking(move || making.seal(&record, &opened)).await;
+        let sealed =
+            tokio::task::spawn_blocking(move || making.seal(&record, &opened, signature.as_deref())).await;
         sealed.map_err(EvidenceError::broken_off("sealing a snapshot"))??;
         let tags = json!(sealing.tags).to_string();
         let row = SnapshotRecord {

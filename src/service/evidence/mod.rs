@@ -33,6 +33,7 @@ use std::io;
 use std::path::PathBuf;
 use std::sync::Arc;
 use tokio::sync::{Mutex, Semaphore};
+use videofields_recording::signing::SigningKey;
 use videofields_recording::store::{SnapshotRecord, Store};
 use videofields_recording::telemetry::Metrics;
 use videofields_vision::clock::Clock;
@@ -87,6 +88,8 @@ pub struct Snapshots {
     turn: Mutex<()>,
     making: Semaphore,
     bundles: Arc<Semaphore>,
+    /// What signs records.
+    key: Option<Arc<SigningKey>>,
 }
 
 impl Snapshots {
@@ -113,10 +116,17 @@ impl Snapshots {
             turn: Mutex::default(),
             making: Semaphore::new(MADE_AT_ONCE),
             bundles: Arc::new(Semaphore::new(BUNDLES_AT_ONCE)),
+            key: None,
         };
         snapshots.reconcile().await?;
         snapshots.tell_totals().await;
         Ok(snapshots)
+    }
+
+    /// The same, signing records from now on where there is a key.
+    #[must_use]
+    pub fn signed_with(self, key: Option<Arc<SigningKey>>) -> Self {
+        Self { key, ..self }
     }
 
     /// The same, telling `probe` every step that a power cut could fall behind; where it fails, so does the step: for tests.

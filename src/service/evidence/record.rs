@@ -11,6 +11,9 @@ pub(super) const RECORD: &str = "record.json";
 /// The file that opens the record's link to the one before.
 pub(super) const LINK: &str = "link.json";
 
+/// The file of the record's signature, where there is a key.
+pub(super) const SIGNATURE: &str = "signature.json";
+
 /// The file that stays of a snapshot that was removed, beside its link.
 pub(super) const REMOVAL: &str = "removal.json";
 

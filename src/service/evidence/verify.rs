@@ -1,14 +1,16 @@
 //! Whether a snapshot is as it was sealed: in the folder, or in an archive that was taken elsewhere.
 
+use super::EvidenceError;
 use super::board::OWN;
 use super::bundle::{README, SUMS};
 use super::folder::{names, open, parsed, read};
-use super::record::{LINK, Link, MAX_RECORD_BYTES, RECORD, ReadRecord, digest, hex, link, unhex};
+use super::record::{LINK, Link, MAX_RECORD_BYTES, RECORD, ReadRecord, SIGNATURE, digest, hex, link, unhex};
 use serde::Serialize;
 use sha2::{Digest, Sha256};
 use std::collections::BTreeMap;
 use std::io::{self, Read};
 use std::path::Path;
+use videofields_recording::signing::{Purpose, Signature, SignatureText};
 use videofields_recording::store::SnapshotRecord;
 
 /// What of an archive's entries may be in it beside what its record names.
@@ -27,6 +29,8 @@ pub struct Verification {
     pub is_whole: bool,
     /// SHA-256 of the record as it stands there now; none where there is none.
     pub digest: Option<String>,
+    /// The public key, hexadecimal, of who signed the record as it stands there; none where nobody did.
+    pub signed_by: Option<String>,
     /// Every file that the record names.
     pub files: Vec<VerifiedFile>,
     /// What is wrong, in words.
@@ -106,7 +110,13 @@ pub(super) fn verify_place(place: &Path) -> Verification {
         Ok(bytes) => bytes,
         Err(error) => {
             let faults = vec![format!("{RECORD}: {error}")];
-            return Verification { is_whole: false, digest: None, files: Vec::new(), faults };
+            return Verification {
+                is_whole: false,
+                digest: None,
+                signed_by: None,
+                files: Vec::new(),
+                faults,
+            };
         }
     };
     let sealed = digest(&bytes);
@@ -114,7 +124,8 @@ pub(super) fn verify_place(place: &Path) -> Verification {
         Ok(record) => record,
         Err(error) => {
             let faults = vec![format!("{RECORD}: {error}")];
-            return Verification { is_whole: false, digest: Some(hex(&sealed)), files: Vec::new(), faults };
+            let digest = Some(hex(&sealed));
+            return Verification { is_whole: false, digest, signed_by: None, files: Vec::new(), faults };
         }
     };
     if place.file_name().is_none_or(|name| name != record.id.as_str()) {
@@ -124,6 +135,15 @@ pub(super) fn verify_place(place: &Path) -> Verification {
         Ok(link) => faults.extend(link_fault(&link, &record, &sealed)),
         Err(error) => faults.push(format!("{LINK}: {error}")),
     }
+    let signature = match read(&place.join(SIGNATURE)) {
+        Ok(signature) => Some(signature),
+        Err(EvidenceError::Files { source, .. }) if source.kind() == io::ErrorKind::NotFound => None,
+        Err(error) => {
+            faults.push(format!("{SIGNATURE}: {error}"));
+            None
+        }
+    };
+    let signed_by = signature.and_then(|signature| signer(&signature, &bytes, &mut faults));
     let look = |file: &str| match open(&place.join(file)).and_then(digest_of) {
         Ok(found) => Ok(found),
         Err(error) if error.kind() == io::ErrorKind::NotFound => Err("is missing".to_owned()),
@@ -140,7 +160,21 @@ pub(super) fn verify_place(place: &Path) -> Verification {
         }
         Err(error) => faults.push(error.to_string()),
     }
-    Verification { is_whole: faults.is_empty(), digest: Some(hex(&sealed)), files, faults }
+    Verification { is_whole: faults.is_empty(), digest: Some(hex(&sealed)), signed_by, files, faults }
+}
+
+/// Returns the key that signed a record so; where it did not, that is a fault.
+fn signer(signature: &[u8], record: &[u8], faults: &mut Vec<String>) -> Option<String> {
+    let read = serde_json::from_slice::<SignatureText>(signature).ok();
+    let Some(signature) = read.and_then(|text| Signature::try_from(&text).ok()) else {
+        faults.push(format!("{SIGNATURE}: is no signature"));
+        return None;
+    };
+    if !signature.is_of(Purpose::Snapshot, record) {
+        faults.push(format!("{SIGNATURE}: is not the signature of {RECORD}"));
+        return None;
+    }
+    Some(signature.key.to_string())
 }
 
 fn is_plain(file: &str) -> bool {
@@ -167,7 +201,7 @@ fn link_fault(opened: &Link, record: &ReadRecord, sealed: &[u8; 32]) -> Option<S
 pub fn check_archive(reader: impl Read, known: Option<&str>) -> io::Result<Verification> {
     let mut archive = tar::Archive::new(reader);
     let mut found: BTreeMap<String, (u64, String)> = BTreeMap::new();
-    let (mut record, mut link, mut sums) = (Vec::new(), Vec::new(), Vec::new());
+    let (mut record, mut link, mut sums, mut signature) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
     let mut faults = Vec::new();
     for (idx, entry) in archive.entries()?.enumerate() {
         let mut entry = entry?;
@@ -184,6 +218,7 @@ pub fn check_archive(reader: impl Read, known: Option<&str>) -> io::Result<Verif
             RECORD => Some(&mut record),
             LINK => Some(&mut link),
             SUMS => Some(&mut sums),
+            SIGNATURE => Some(&mut signature),
             _ => None,
         };
         let of_it = match kept {
@@ -201,7 +236,7 @@ pub fn check_archive(reader: impl Read, known: Option<&str>) -> io::Result<Verif
     let Ok(read) = serde_json::from_slice::<ReadRecord>(&record) else {
         let digest = found.get(RECORD).map(|(_, sha256)| sha256.clone());
         faults.push(format!("{RECORD}: is missing, or is no record of a snapshot"));
-        return Ok(Verification { is_whole: false, digest, files: Vec::new(), faults });
+        return Ok(Verification { is_whole: false, digest, signed_by: None, files: Vec::new(), faults });
     };
     let sealed = digest(&record);
     if known.is_some_and(|known| !known.eq_ignore_ascii_case(&hex(&sealed))) {
@@ -214,16 +249,17 @@ pub fn check_archive(reader: impl Read, known: Option<&str>) -> io::Result<Verif
             Err(error) => faults.push(format!("{LINK}: {error}")),
         }
     }
+    let signed_by = (!signature.is_empty()).then(|| signer(&signature, &record, &mut faults)).flatten();
     check_sums(&String::from_utf8_lossy(&sums), &found, &mut faults);
     let look = |file: &str| found.get(file).cloned().ok_or_else(|| "is missing".to_owned());
     let files = compare(&read, look, &mut faults);
-    let others = [RECORD, LINK, SUMS, README, ANNOTATIONS];
+    let others = [RECORD, LINK, SIGNATURE, SUMS, README, ANNOTATIONS];
     for name in found.keys() {
         if !others.contains(&name.as_str()) && !files.iter().any(|file| file.file == *name) {
             faults.push(format!("{name}: is not in the record"));
         }
     }
-    Ok(Verification { is_whole: faults.is_empty(), digest: Some(hex(&sealed)), files, faults })
+    Ok(Verification { is_whole: faults.is_empty(), digest: Some(hex(&sealed)), signed_by, files, faults })
 }
 
 /// Holds an archive's list of digests against its entries.

@@ -23,12 +23,16 @@ const SECTIONS: [&str; 10] = [
 ];
 
 /// Keys whose values are text as they stand: a GPU may be called "4090".
-const TEXTS: [&str; 10] = [
+const TEXTS: [&str; 14] = [
     "server.listen",
     "server.certificate",
     "server.private_key",
     "storage.database",
     "storage.snapshot_folder",
+    "storage.audit_key",
+    "storage.audit_key_before",
+    "storage.audit_head",
+    "storage.audit_anchor_url",
     "archive.folder",
     "render.adapter",
     "log.format",

@@ -264,6 +264,15 @@ fn resolve(mut settings: Settings, folder: PathBuf) -> Config {
     } else {
         place(&mut storage.snapshot_folder);
     }
+    if storage.audit_head.as_os_str().is_empty() {
+        let mut beside = storage.database.clone().into_os_string();
+        beside.push(".audit-head");
+        storage.audit_head = beside.into();
+    } else {
+        place(&mut storage.audit_head);
+    }
+    let keys = [&mut storage.audit_key, &mut storage.audit_key_before];
+    keys.into_iter().filter(|key| !key.as_os_str().is_empty()).for_each(place);
     // An empty path says that nothing is recorded, and not the file's own folder.
     if settings.archive.is_on() {
         place(&mut settings.archive.folder);

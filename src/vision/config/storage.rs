@@ -1,5 +1,6 @@
 //! Section `[storage]`: the database, what it keeps of the backgrounds, and the folder of snapshots.
 
+use super::telling::collector;
 use crate::error::Gatherer;
 use serde::Deserialize;
 use std::path::PathBuf;
@@ -22,6 +23,19 @@ pub struct StorageSettings {
     pub background_history_mib: u32,
     /// Days after which entries of the audit log are removed, the oldest first, 0 (never) to 36500. Default 0.
     pub audit_max_age_days: f64,
+    /// The key (Ed25519, PEM, PKCS #8) that signs the audit log, snapshots and exports. Empty (default): nothing is signed.
+    pub audit_key: PathBuf,
+    /// The key that `audit_key` takes the place of: at the next start it signs that, and is needed no more. Default none.
+    pub audit_key_before: PathBuf,
+    /// The file that says how far the signed audit log reached. Empty (default): beside the database, with its name and the ending
+    /// `.audit-head`.
+    pub audit_head: PathBuf,
+    /// Where the newest entry's number, digest and signature are told (POST, JSON): an http or https URL without user, password,
+    /// query and fragment. Empty (default): nowhere but in the log.
+    pub audit_anchor_url: String,
+    /// Seconds between two entries that are told so, and in the log, 10 to 86400; where nothing is added, nothing is told. Default
+    /// 300.
+    pub audit_anchor_interval_secs: f64,
     /// The folder that snapshots lie in; made if it is not there. Empty (default): beside the database, with its name and
     /// the ending `.snapshots`.
     pub snapshot_folder: PathBuf,
@@ -45,6 +59,22 @@ pub struct StorageSettings {
     pub activity_max_age_days: f64,
 }
 
+impl StorageSettings {
+    /// Returns whether the audit log is signed.
+    #[must_use]
+    pub fn signs_audit(&self) -> bool {
+        !self.audit_key.as_os_str().is_empty()
+    }
+}
+
+impl StorageSettings {
+    /// Returns where the newest entry of the audit log is told; none where it is nowhere, or the URL is none.
+    #[must_use]
+    pub fn anchor_url(&self) -> Option<url::Url> {
+        collector(&self.audit_anchor_url)
+    }
+}
+
 impl Default for StorageSettings {
     fn default() -> Self {
         Self {
@@ -54,6 +84,11 @@ impl Default for StorageSettings {
             background_history_count: 48,
             background_history_mib: 512,
             audit_max_age_days: 0.0,
+            audit_key: PathBuf::new(),
+            audit_key_before: PathBuf::new(),
+            audit_head: PathBuf::new(),
+            audit_anchor_url: String::new(),
+            audit_anchor_interval_secs: 300.0,
             snapshot_folder: PathBuf::new(),
             snapshot_max_gib: 10.0,
             snapshot_max_age_days: 365.0,
@@ -69,8 +104,23 @@ impl Default for StorageSettings {
 
 /// Checks everything but the database's path.
 pub(super) fn check(storage: &StorageSettings, gatherer: &mut Gatherer) {
-    if !storage.snapshot_folder.as_os_str().is_empty() {
-        super::validate::check_path(&storage.snapshot_folder, "/storage/snapshot_folder", gatherer);
+    let paths = [
+        ("snapshot_folder", &storage.snapshot_folder),
+        ("audit_key", &storage.audit_key),
+        ("audit_key_before", &storage.audit_key_before),
+        ("audit_head", &storage.audit_head),
+    ];
+    for (key, path) in paths.iter().filter(|(_, path)| !path.as_os_str().is_empty()) {
+        super::validate::check_path(path, &format!("/storage/{key}"), gatherer);
+    }
+    if !storage.audit_anchor_url.is_empty() && storage.anchor_url().is_none() {
+        let message = "expected an http or https URL such as https://anchors.example/videofields, without user, password, query \
+                       and fragment";
+        gatherer.fault("/storage/audit_anchor_url", message);
+    }
+    if !storage.audit_key_before.as_os_str().is_empty() && !storage.signs_audit() {
+        let message = "a key that another takes the place of needs that one: name `audit_key`";
+        gatherer.fault("/storage/audit_key_before", message);
     }
     let count = f64::from(storage.background_history_count);
     let numbers = [
@@ -88,6 +138,7 @@ pub(super) fn check(storage: &StorageSettings, gatherer: &mut Gatherer) {
         ("activity_max_age_days", storage.activity_max_age_days, 0.01, 400.0, "days"),
         ("background_history_mib", f64::from(storage.background_history_mib), 1.0, 1_048_576.0, "MiB"),
         ("audit_max_age_days", storage.audit_max_age_days, 0.0, 36_500.0, "days"),
+        ("audit_anchor_interval_secs", storage.audit_anchor_interval_secs, 10.0, 86_400.0, "seconds"),
         ("snapshot_max_gib", storage.snapshot_max_gib, 0.001, 1_048_576.0, "GiB"),
         ("snapshot_max_age_days", storage.snapshot_max_age_days, 0.001, 36_500.0, "days"),
         ("snapshot_min_free_mib", f64::from(storage.snapshot_min_free_mib), 0.0, 1_073_741_824.0, "MiB"),
@@ -95,5 +146,38 @@ pub(super) fn check(storage: &StorageSettings, gatherer: &mut Gatherer) {
     ];
     for (key, value, least, most, unit) in numbers {
         super::validate::range(gatherer, &format!("/storage/{key}"), value, least, most, unit);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn faults(storage: &StorageSettings) -> Vec<String> {
+        let mut gatherer = Gatherer::default();
+        check(storage, &mut gatherer);
+        gatherer.into_faults().into_iter().map(|fault| fault.place).collect()
+    }
+
+    #[test]
+    fn keys_of_the_audit_log_belong_together_and_an_anchor_is_a_plain_url() {
+        let storage = StorageSettings::default();
+        assert!(faults(&storage).is_empty() && !storage.signs_audit() && storage.anchor_url().is_none());
+        let before = StorageSettings { audit_key_before: "old".into(), ..storage.clone() };
+        assert_eq!(faults(&before), ["/storage/audit_key_before"]);
+        let both = StorageSettings { audit_key: "new".into(), ..before };
+        assert!(faults(&both).is_empty() && both.signs_audit());
+        for (url, expected) in [
+            ("https://anchors.example/a", &[][..]),
+            ("https://ann:s3cret@anchors.example/", &["/storage/audit_anchor_url"]),
+            ("anchors.example", &["/storage/audit_anchor_url"]),
+        ] {
+            assert_eq!(
+                faults(&StorageSettings { audit_anchor_url: url.to_owned(), ..storage.clone() }),
+                expected
+            );
+        }
+        let hasty = StorageSettings { audit_anchor_interval_secs: 1.0, ..storage };
+        assert_eq!(faults(&hasty), ["/storage/audit_anchor_interval_secs"]);
     }
 }

@@ -64,7 +64,7 @@ impl TelemetrySettings {
 }
 
 /// The URL that the text is, if a collector may have such.
-fn collector(text: &str) -> Option<url::Url> {
+pub(super) fn collector(text: &str) -> Option<url::Url> {
     // The parser would drop line breaks and tabs silently.
     if text.len() > MAX_URL_BYTES || text.chars().any(|c| c.is_control() || c.is_whitespace()) {
         return None;

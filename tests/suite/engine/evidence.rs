@@ -9,6 +9,7 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
 use tempfile::TempDir;
+use videofields_recording::signing::SigningKey;
 use videofields_recording::store::{SnapshotRecord, SnapshotSearch, Store};
 use videofields_recording::telemetry::Metrics;
 use videofields_service::catalog::Condition;
@@ -742,6 +743,46 @@ fn snapshots_are_made_when_they_fall_due_and_failures_are_counted() {
                 .all(|record| record.schedule.as_deref() == Some("quarter") && record.made_by.is_none())
         );
         assert_eq!(vault.faults().await, [""; 0]);
+    });
+    bench.stop();
+}
+
+#[test]
+fn a_signed_snapshot_is_nobody_elses() {
+    let folder = TempDir::new().unwrap();
+    let bench = seen(folder.path());
+    let key = folder.path().join("key");
+    let public = SigningKey::make(&key).unwrap().to_string();
+    bench.runtime.block_on(async {
+        use futures_util::TryStreamExt;
+        let mut vault = Vault::open(&folder.path().join("state")).await;
+        let unsigned = vault.make(&bench, of_camera("south", 3)).await.unwrap();
+        let key = Arc::new(SigningKey::read(&key).unwrap());
+        vault.snapshots = vault.snapshots.signed_with(Some(key));
+        let made = vault.make(&bench, of_camera("south", 4)).await.unwrap();
+        assert_eq!(vault.faults().await, Vec::<String>::new());
+        let checked = check_folder(&vault.state.join("snapshots")).unwrap();
+        assert_eq!(checked.signers, [(unsigned.id, None), (made.id.clone(), Some(public.clone()))]);
+        let grants = Grants::everything();
+        let reader = vault.snapshots.of(None, &grants);
+        assert_eq!(reader.verify(&made.id).await.unwrap().signed_by, Some(public.clone()));
+        let bundle = reader.bundle(&made.id).await.unwrap();
+        let len_bytes = bundle.len_bytes();
+        let tar = bundle.into_stream().try_collect::<Vec<_>>().await.unwrap().concat();
+        assert_eq!(tar.len() as u64, len_bytes);
+        let found = check_archive(&tar[..], None).unwrap();
+        assert_eq!((found.signed_by, found.faults), (Some(public), vec![]));
+        // With a record that was written anew, and its link and digest with it, the signature is another's.
+        let place = vault.place(&made.id);
+        let record = std::fs::read_to_string(place.join("record.json")).unwrap();
+        std::fs::write(place.join("record.json"), record.replace("\"note\":\"", "\"note\":\"forged"))
+            .unwrap();
+        let faults = vault.faults().await.join("\n");
+        assert!(faults.contains("signature.json: is not the signature of record.json"), "{faults}");
+        std::fs::write(place.join("record.json"), record).unwrap();
+        std::fs::write(place.join("signature.json"), "{}").unwrap();
+        assert!(vault.faults().await.join("\n").contains("signature.json: is no signature"));
+        vault.close().await;
     });
     bench.stop();
 }

@@ -53,11 +53,11 @@ async fn n_scenes(path: &Path) -> usize {
 }
 
 fn anything<'a>(from: &'a Path, database: &'a Path) -> Restoring<'a> {
-    Restoring { from, database, replace: Replace::Anything, entry: entry("copy") }
+    Restoring { from, database, replace: Replace::Anything, entry: entry("copy"), key: None }
 }
 
 async fn restored(from: &Path, to: &Path, replace: Replace) -> Result<Restored, StoreError> {
-    let asked = Restoring { from, database: to, replace, entry: entry("copy") };
+    let asked = Restoring { from, database: to, replace, entry: entry("copy"), key: None };
     restore::restore(asked, at(1_772_366_400_500_000_000)).await
 }
 
@@ -166,24 +166,28 @@ async fn the_audit_log_is_shortened_by_age_alone_and_proved_from_its_anchor() {
     }
     let all = store.check_audit().await.unwrap();
     assert_eq!((all.n_removed, all.n_whole), (0, 10));
-    assert_eq!(store.shorten_audit(at(0)).await.unwrap(), None);
+    assert_eq!(store.shorten_audit(at(0), at(20_000)).await.unwrap(), None);
     let fourth = store.audit(3, 1).await.unwrap()[0].digest_text();
-    assert_eq!(store.shorten_audit(at(5000)).await.unwrap(), Some((4, fourth)));
-    assert_eq!(store.shorten_audit(at(5000)).await.unwrap(), None);
+    assert_eq!(store.shorten_audit(at(5000), at(20_000)).await.unwrap(), Some((4, fourth.clone())));
+    assert_eq!(store.shorten_audit(at(5000), at(20_000)).await.unwrap(), None);
     assert_eq!(store.audit(0, 99).await.unwrap()[0].number, 5);
     let left = store.check_audit().await.unwrap();
-    assert_eq!((left.n_removed, left.n_whole, left.head, left.fault), (4, 6, all.head, None));
+    // Which went is told in the same stroke.
+    assert_eq!((left.n_removed, left.n_whole, left.fault), (4, 7, None));
+    let told = store.audit(10, 1).await.unwrap()[0].entry.target.clone();
+    assert_eq!(told, format!("entries up to 4 are removed; its digest was {fourth}"));
+    assert_eq!(store.audit(9, 1).await.unwrap()[0].digest_text(), all.head.unwrap());
     // The newest stays, however old it is, and the chain goes on.
-    store.shorten_audit(at(i64::MAX)).await.unwrap();
-    assert_eq!(store.append_audit(&entry("/11")).await.unwrap(), 11);
+    store.shorten_audit(at(i64::MAX), at(20_000)).await.unwrap();
+    assert_eq!(store.append_audit(&entry("/13")).await.unwrap(), 13);
     let left = store.check_audit().await.unwrap();
-    assert_eq!((left.n_removed, left.n_whole, left.fault), (9, 2, None));
+    assert_eq!((left.n_removed, left.n_whole, left.fault), (10, 3, None));
     store.close().await.unwrap();
     // Nobody shortens it otherwise, or gives it another beginning.
     for sql in [
-        "delete from audit where number = 10",
-        "update audit_anchor set number = 10",
-        "update audit_anchor set number = 8, digest = zeroblob(32)",
+        "delete from audit where number = 11",
+        "update audit_anchor set number = 11",
+        "update audit_anchor set number = 9, digest = zeroblob(32)",
         "delete from audit_anchor",
     ] {
         let url = format!("sqlite://{}", path.display());
@@ -192,10 +196,10 @@ async fn the_audit_log_is_shortened_by_age_alone_and_proved_from_its_anchor() {
         connection.close().await.unwrap();
     }
     // An entry that was changed behind it shows.
-    tamper(&path, "drop trigger audit_is_not_changed; update audit set target = '/x' where number = 10")
+    tamper(&path, "drop trigger audit_is_not_changed; update audit set target = '/x' where number = 11")
         .await;
     let store = open(&path).await;
-    assert!(store.check_audit().await.unwrap().fault.unwrap().contains("entry 10"));
+    assert!(store.check_audit().await.unwrap().fault.unwrap().contains("entry 11"));
     store.close().await.unwrap();
 }
 
@@ -215,7 +219,7 @@ async fn an_older_database_is_looked_at_without_being_changed() {
     assert_eq!((contents.schema, contents.rows["scene"]), (10, 3));
     old.close().await.unwrap();
     assert!(matches!(
-        store::note_audit(&path, &entry("x")).await,
+        store::note_audit(&path, &entry("x"), None).await,
         Err(StoreError::OtherSchema { found: 10, .. })
     ));
     assert!(before == std::fs::read(&path).unwrap(), "not a byte is another");

@@ -6,9 +6,10 @@ use rustix::process::getuid;
 use std::os::unix::fs::MetadataExt;
 use std::path::Path;
 use std::time::Duration;
+use videofields_recording::signing::SigningKey;
 use videofields_recording::store::probe::{Probe, Standing, holder, probe};
 use videofields_recording::store::{Depth, ReadOnly, SCHEMA_VERSION, StoreError, restore};
-use videofields_vision::config::Config;
+use videofields_vision::config::{Config, StorageSettings};
 
 /// Time for every page to be read.
 const READ_TIME: Duration = Duration::from_secs(20);
@@ -18,6 +19,27 @@ const LONG_LOG_BYTES: u64 = 512 << 20;
 
 pub(super) fn look(config: &Config) -> Vec<Line> {
     let path = &config.settings().storage.database;
+    let signing = audit_key(&config.settings().storage);
+    let mut lines = look_at(path);
+    lines.push(signing);
+    lines
+}
+
+/// Whether the audit log is signed.
+fn audit_key(storage: &StorageSettings) -> Line {
+    if !storage.signs_audit() {
+        let why = "whoever can write the database can rewrite the log unnoticed";
+        return Line::warning("audit", "the audit log is not signed".to_owned(), why)
+            .do_this("`videofields audit key --out FILE` makes a key; name it as `storage.audit_key`");
+    }
+    match SigningKey::read(&storage.audit_key) {
+        Ok(key) => Line::ok("audit", format!("the audit log is signed; the public key is {}", key.public())),
+        Err(error) => Line::problem("audit", "the audit log cannot be signed".to_owned(), error.to_string())
+            .do_this("make the key readable to the daemon's user and to nobody else"),
+    }
+}
+
+fn look_at(path: &Path) -> Vec<Line> {
     let found = match probe(path) {
         Ok(found) => found,
         Err(error) => return vec![failure(&error).do_this("run this as the daemon's user")],

@@ -356,7 +356,7 @@ impl Entry {
         self.status.state == ExportState::Done
     }
 
-    fn finished(Finished { manifest, manifest_sha256, manifest_bytes }: Finished) -> Self {
+    fn finished(Finished { manifest, manifest_sha256, manifest_bytes, signature }: Finished) -> Self {
         let clips = manifest.clips().map(|clip| ExportFile {
             file: clip.file.clone(),
             bytes: clip.bytes,
@@ -369,6 +369,12 @@ impl Entry {
             sha256: manifest_sha256,
             media_type: "application/json".to_owned(),
         }];
+        files.extend(signature.map(|(bytes, sha256)| ExportFile {
+            file: manifest::SIGNATURE.to_owned(),
+            bytes,
+            sha256,
+            media_type: "application/json".to_owned(),
+        }));
         files.extend(clips);
         let bytes = files.iter().fold(0, |sum: u64, file| sum.saturating_add(file.bytes));
         let Manifest { id, made_at, from, to, note, asked_by, cameras, .. } = manifest;

@@ -5,6 +5,7 @@
 use super::super::ArchiveError;
 use super::super::folder::{self, Folder};
 use super::manifest::{self, Manifest};
+use crate::signing::{Purpose, SignatureText, SigningKey};
 use sha2::{Digest, Sha256};
 use std::fs::File;
 use std::io::{self, Read, Write};
@@ -17,6 +18,9 @@ const NAME: &str = "exported.clips";
 
 /// A manifest that is longer was not written by us.
 const MAX_MANIFEST_BYTES: u64 = 16 << 20;
+
+/// A signature that is longer was not written by us.
+const MAX_SIGNATURE_BYTES: u64 = 4096;
 
 /// Bytes that are read at once.
 const CHUNK_BYTES: usize = 256 << 10;
@@ -44,6 +48,8 @@ pub(super) struct Finished {
     pub(super) manifest: Manifest,
     pub(super) manifest_sha256: String,
     pub(super) manifest_bytes: u64,
+    /// Bytes and SHA-256 of the manifest's signature, where it is signed.
+    pub(super) signature: Option<(u64, String)>,
 }
 
 impl ExportsFolder {
@@ -153,11 +159,22 @@ impl ExportFolder {
         Ok(None)
     }
 
-    /// Puts down the manifest, with which the export is finished.
-    pub(super) fn finish(&self, manifest: Manifest) -> Result<Finished, super::ExportError> {
+    /// Puts down the manifest, signed where there is a key, with which the export is finished.
+    pub(super) fn finish(
+        &self,
+        manifest: Manifest,
+        key: Option<&SigningKey>,
+    ) -> Result<Finished, super::ExportError> {
         const PART: &str = "manifest.json.part";
         let text = serde_json::to_vec_pretty(&manifest)?;
         let failed = |error| ArchiveError::files("write", &self.path.join(manifest::FILE))(error);
+        let signature = key.map(|key| SignatureText::from(key.sign(Purpose::Export, &text)));
+        let signature = signature.map(|signature| serde_json::to_vec_pretty(&signature)).transpose()?;
+        if let Some(signature) = &signature {
+            let failed = |error| ArchiveError::files("write", &self.path.join(manifest::SIGNATURE))(error);
+            let mut file = self.create(manifest::SIGNATURE)?;
+            file.write_all(signature).and_then(|()| file.sync_all()).map_err(failed)?;
+        }
         let mut file = self.create(PART)?;
         file.write_all(&text).and_then(|()| file.sync_all()).map_err(failed)?;
         folder::rename(&self.root, PART, manifest::FILE).map_err(failed)?;
@@ -165,6 +182,7 @@ impl ExportFolder {
             manifest,
             manifest_sha256: hexadecimal(&Sha256::digest(&text)),
             manifest_bytes: text.len() as u64,
+            signature: signature.map(|text| (text.len() as u64, hexadecimal(&Sha256::digest(&text)))),
         })
     }
 
@@ -180,7 +198,20 @@ impl ExportFolder {
         let manifest = serde_json::from_slice(&text)
             .map_err(|error| ArchiveError::files("read", &path)(io::Error::other(error)))?;
         let manifest_sha256 = hexadecimal(&Sha256::digest(&text));
-        Ok(Some(Finished { manifest, manifest_sha256, manifest_bytes: text.len() as u64 }))
+        let signature = self.signature()?;
+        Ok(Some(Finished { manifest, manifest_sha256, manifest_bytes: text.len() as u64, signature }))
+    }
+
+    /// Bytes and SHA-256 of the manifest's signature, if there is one.
+    fn signature(&self) -> Result<Option<(u64, String)>, ArchiveError> {
+        let failed = |error| ArchiveError::files("read", &self.path.join(manifest::SIGNATURE))(error);
+        let file = match folder::open_file(&self.root, manifest::SIGNATURE) {
+            Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(None),
+            other => other.map_err(failed)?,
+        };
+        let mut text = Vec::new();
+        file.take(MAX_SIGNATURE_BYTES).read_to_end(&mut text).map_err(failed)?;
+        Ok(Some((text.len() as u64, hexadecimal(&Sha256::digest(&text)))))
     }
 }
 

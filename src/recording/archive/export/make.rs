@@ -81,7 +81,8 @@ fn wait_for_folder(shared: &Arc<Shared>) -> Option<Arc<ExportsFolder>> {
 fn make(shared: &Arc<Shared>, folder: &ExportsFolder, work: &Work) {
     let id = work.id.as_str();
     let mut budget = Budget { shared, work, n_bytes: 0, freed: (0, 0), next_look_at: 0 };
-    let made = manifest(&mut budget, folder).and_then(|manifest| folder.open(id)?.finish(manifest));
+    let made = manifest(&mut budget, folder)
+        .and_then(|manifest| folder.open(id)?.finish(manifest, shared.signing_key()));
     let n_bytes = budget.n_bytes;
     let failure = match made.map(|finished| shared.exports.finish(finished)) {
         Ok(true) => return tracing::info!(id, n_bytes, "an export is ready"),

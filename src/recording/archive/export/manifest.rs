@@ -10,6 +10,9 @@ pub(super) const VERSION: u32 = 1;
 /// The file's name.
 pub(super) const FILE: &str = "manifest.json";
 
+/// The file of the manifest's signature, where there is a key.
+pub(super) const SIGNATURE: &str = "signature.json";
+
 /// The manifest of an export. Times are scene times, RFC 3339 in UTC.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Manifest {

@@ -11,6 +11,7 @@ mod folder;
 mod make;
 mod manifest;
 mod redraw;
+mod verify;
 
 #[cfg(test)]
 mod tests;
@@ -18,6 +19,7 @@ mod tests;
 pub use board::{ExportFile, ExportState, ExportStatus, Exports};
 pub use manifest::{Clip, ExportedCamera, Manifest, Unreadable};
 pub use redraw::{Redraw, Redrawing};
+pub use verify::{VerifiedExport, verify_export};
 
 pub(super) use make::run;
 

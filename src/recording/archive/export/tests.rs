@@ -5,11 +5,13 @@ use super::super::tests::{OPEN_GROUPS, SECOND, Stage, at, decoded, frames, north
 use super::*;
 use crate::media::{Input, Times};
 use crate::share::GREED;
+use crate::signing::SigningKey;
 use crate::store::AuditEntry;
 use sha2::{Digest, Sha256};
 use std::io::Read;
 use std::os::fd::AsRawFd;
 use std::path::Path;
+use std::sync::Arc;
 use std::time::Duration;
 
 const START: i64 = 500 * SECOND;
@@ -303,4 +305,60 @@ async fn wait_for_survey(archive: &Archive) {
     while !archive.status().reconciled.is_done {
         tokio::time::sleep(Duration::from_millis(10)).await;
     }
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_signed_export_is_verified_wherever_it_lies() {
+    let stage = Stage::new().await;
+    stage.record(START, &frames("jpegenc", 40)).await;
+    let archive = stage.archive().await;
+    let unsigned = exported(&archive, &request(START, START + SECOND)).await;
+    let path = stage.settings.folder.parent().unwrap().join("key");
+    let public = SigningKey::make(&path).unwrap();
+    archive.sign_exports(Arc::new(SigningKey::read(&path).unwrap()));
+    let signed = exported(&archive, &request(START, START + SECOND)).await;
+    let names = |status: &ExportStatus| status.files.iter().map(|file| file.file.clone()).collect::<Vec<_>>();
+    assert_eq!(names(&signed)[..2], ["manifest.json", "signature.json"]);
+    assert!(!names(&unsigned).contains(&"signature.json".to_owned()));
+    archive.stop();
+    drop(archive);
+    let archive = stage.archive().await;
+    for _ in 0..500 {
+        if !archive.exports().list().is_empty() {
+            break;
+        }
+        tokio::time::sleep(Duration::from_millis(10)).await;
+    }
+    assert_eq!(archive.exports().list(), [unsigned.clone(), signed.clone()]);
+    let folder = |of: &ExportStatus| stage.settings.folder.join("exported.clips").join(&of.id);
+    let found = verify_export(&folder(&unsigned)).unwrap();
+    assert_eq!((found.n_clips, found.signed_by, found.faults.len()), (1, None, 0));
+    let folder = folder(&signed);
+    let found = verify_export(&folder).unwrap();
+    assert_eq!((found.signed_by, found.faults), (Some(public), vec![]));
+    // Every byte of it is held.
+    let changed = |name: &str, from: &str, to: &str| {
+        let file = folder.join(name);
+        let before = std::fs::read(&file).unwrap();
+        let at = before.windows(from.len()).position(|part| part == from.as_bytes()).unwrap();
+        let mut after = before.clone();
+        after.splice(at..at + from.len(), to.bytes());
+        std::fs::write(&file, after).unwrap();
+        let found = verify_export(&folder).unwrap();
+        std::fs::write(&file, before).unwrap();
+        (found.signed_by, found.faults)
+    };
+    let of_manifest = (None, vec!["signature.json: is not the signature of manifest.json".to_owned()]);
+    assert_eq!(changed("manifest.json", "North", "South"), of_manifest);
+    assert_eq!(
+        changed("signature.json", "\"signature\": \"", "\"signature\": \"x"),
+        (None, vec!["signature.json: is no signature".to_owned()])
+    );
+    let clip = names(&signed)[2].clone();
+    assert_eq!(
+        changed(&clip, "ftyp", "ftyq"),
+        (Some(public), vec![format!("{clip}: is not as the manifest has it")])
+    );
+    std::fs::remove_file(folder.join(&clip)).unwrap();
+    assert_eq!(verify_export(&folder).unwrap().faults.len(), 1);
 }

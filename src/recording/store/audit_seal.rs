@@ -1,0 +1,521 @@
+//! What proves that the audit log is as this daemon wrote it: the newest entry, which is kept in memory and compared, the
+//! signatures of entries (table `audit_signature`), and the signed head, a file that says how far the log reached.
+//!
+//! Each signature is of an entry's number and digest, and so of everything before it: who rewrites the log from any entry on
+//! and computes all digests anew, but has no key, has no signatures of what stands there then. Who cuts off the end, or puts
+//! an older database in its place, is told by the head in memory and by the file.
+
+use super::audit::{AuditEntry, Head, anchor, append_within, as_digest, hex, last, page};
+use super::{Store, StoreError};
+use crate::signing::{PublicKey, Purpose, Signature, SignatureText, SigningKey, unhex};
+use serde::{Deserialize, Serialize};
+use sqlx::{Connection, SqliteConnection};
+use std::fs::File;
+use std::io::{Read, Write};
+use std::os::unix::fs::OpenOptionsExt;
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
+use videofields_vision::clock::Timestamp;
+
+/// What an entry is called with which another key takes over; its target begins with the new public key.
+pub const AUDIT_KEY: &str = "audit key";
+
+/// What an entry is called that says that the log is not as it was left.
+pub const AUDIT_CHANGED: &str = "audit log changed";
+
+/// What an entry is called that says which entries before it were written without the key.
+pub const AUDIT_UNSIGNED: &str = "audit entries without a signature";
+
+/// What the entry of a restore is called.
+pub const AUDIT_RESTORE: &str = "restore";
+
+/// Most bytes of the file of a signed head.
+const MAX_HEAD_BYTES: u64 = 4096;
+
+/// Restores that are looked at for the one that put this database in its place.
+const MAX_RESTORES: u32 = 16;
+
+/// The last entry of the log as it was once signed; in a file, JSON.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct SignedHead {
+    /// Its number.
+    pub number: i64,
+    /// Its digest, hexadecimal.
+    pub digest: String,
+    /// Who signed it.
+    #[serde(flatten)]
+    pub signature: SignatureText,
+}
+
+impl SignedHead {
+    fn of(head: Head, signature: Signature) -> Self {
+        Self { number: head.number, digest: hex(&head.digest), signature: signature.into() }
+    }
+
+    /// Reads the file at `path`; none where it is not there.
+    ///
+    /// # Errors
+    /// When it cannot be read, or is no signed head.
+    pub fn read(path: &Path) -> std::io::Result<Option<Self>> {
+        let file = match File::open(path) {
+            Ok(file) => file,
+            Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(None),
+            Err(error) => return Err(error),
+        };
+        let mut text = Vec::new();
+        file.take(MAX_HEAD_BYTES).read_to_end(&mut text)?;
+        Ok(Some(serde_json::from_slice(&text)?))
+    }
+
+    /// Returns the key that signed it; none where its signature is not of it.
+    #[must_use]
+    pub fn signed_by(&self) -> Option<PublicKey> {
+        let (head, signature) = self.parts()?;
+        signature.is_of(Purpose::AuditHead, &head.message()).then_some(signature.key)
+    }
+
+    /// Returns number and digest as they are noted elsewhere.
+    #[must_use]
+    pub fn noted(&self) -> String {
+        format!("{}:{}", self.number, self.digest)
+    }
+
+    fn parts(&self) -> Option<(Head, Signature)> {
+        let head = Head { number: self.number, digest: unhex(&self.digest)? };
+        Some((head, Signature::try_from(&self.signature).ok()?))
+    }
+
+    /// Puts it in the place of the file at `path`; on the disk when it returns.
+    fn write(&self, path: &Path) -> std::io::Result<()> {
+        let mut beside = path.as_os_str().to_owned();
+        beside.push(".new");
+        let beside = PathBuf::from(beside);
+        let mut file =
+            std::fs::OpenOptions::new().write(true).create(true).truncate(true).mode(0o600).open(&beside)?;
+        file.write_all(&serde_json::to_vec_pretty(self)?)?;
+        file.sync_all()?;
+        std::fs::rename(&beside, path)?;
+        let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty());
+        File::open(folder.unwrap_or(Path::new(".")))?.sync_all()
+    }
+}
+
+/// With what the audit log is signed.
+#[derive(Debug)]
+pub struct AuditKeys {
+    /// The key.
+    pub key: Arc<SigningKey>,
+    /// The key before it, which signs that this one takes over.
+    pub before: Option<SigningKey>,
+    /// The file of the signed head.
+    pub head_file: PathBuf,
+}
+
+/// How the audit log fares.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct AuditState {
+    /// The newest entry's number and digest, hexadecimal.
+    pub head: Option<(i64, String)>,
+    /// The newest entry as it is signed; none without a key.
+    pub signed: Option<SignedHead>,
+    /// What was found wrong last.
+    pub fault: Option<String>,
+    /// How often something else was found wrong.
+    pub n_faults: u64,
+}
+
+/// What a store knows of its audit log beside what the database says.
+#[derive(Debug, Default)]
+pub(super) struct Seal {
+    keys: OnceLock<(Arc<SigningKey>, PathBuf)>,
+    kept: Mutex<Kept>,
+}
+
+#[derive(Debug, Default)]
+struct Kept {
+    head: Option<Head>,
+    state: AuditState,
+}
+
+impl Seal {
+    pub(super) fn key(&self) -> Option<&SigningKey> {
+        self.keys.get().map(|(key, _)| &**key)
+    }
+
+    pub(super) fn head(&self) -> Option<Head> {
+        self.kept().head
+    }
+
+    pub(super) fn state(&self) -> AuditState {
+        self.kept().state.clone()
+    }
+
+    /// A panic leaves it whole.
+    fn kept(&self) -> std::sync::MutexGuard<'_, Kept> {
+        self.kept.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Remembers the newest entry, with its signature where it has one.
+    pub(super) fn remember(&self, head: Head, signature: Option<Signature>) {
+        let mut kept = self.kept();
+        kept.head = Some(head);
+        kept.state.head = (head.number > 0).then(|| (head.number, hex(&head.digest)));
+        kept.state.signed = signature.map(|signature| SignedHead::of(head, signature));
+    }
+
+    /// Tells what is wrong, once.
+    pub(super) fn tell(&self, fault: &str) {
+        let mut kept = self.kept();
+        if kept.state.fault.as_deref() != Some(fault) {
+            kept.state.fault = Some(fault.to_owned());
+            kept.state.n_faults += 1;
+            drop(kept);
+            tracing::error!(fault, "the audit log is not as this daemon wrote it");
+        }
+    }
+
+    /// Writes the newest entry's signature into the file of the signed head.
+    pub(super) async fn write_head(&self) {
+        let (Some((_, path)), Some(signed)) = (self.keys.get().cloned(), self.state().signed) else { return };
+        let shown = path.display().to_string();
+        let wrote = tokio::task::spawn_blocking(move || signed.write(&path)).await;
+        let failed = match wrote {
+            Ok(Ok(())) => return,
+            Ok(Err(error)) => error.to_string(),
+            Err(panicked) => panicked.to_string(),
+        };
+        self.tell(&format!("the signed head of the audit log is not written: {failed}: {shown}"));
+    }
+}
+
+impl Head {
+    /// Returns what is signed of it.
+    pub(super) fn message(&self) -> Vec<u8> {
+        [&self.number.to_be_bytes()[..], &self.digest].concat()
+    }
+}
+
+/// What has become of the log since its newest entry was known.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) enum Since {
+    /// It has that entry, and behind it only what was signed, or nothing.
+    AsLeft,
+    /// Behind it others wrote entries without a signature: the first and the last.
+    Unsigned(i64, i64),
+    /// It is another.
+    Changed(String),
+}
+
+/// Compares the log with its newest entry as it was known; `key` signs what this program writes.
+pub(super) async fn compare(
+    connection: &mut SqliteConnection,
+    path: &Path,
+    known: Head,
+    key: Option<PublicKey>,
+) -> Result<Since, StoreError> {
+    let newest = last(connection, path).await?;
+    if newest == known {
+        return Ok(Since::AsLeft);
+    }
+    let Head { number, digest } = known;
+    match digest_at(connection, path, number).await? {
+        None if newest.number < number => {
+            let there = newest.number;
+            return Ok(Since::Changed(format!(
+                "entry {number} is missing: the log ends at entry {there}, though {number}:{} was written",
+                hex(&digest)
+            )));
+        }
+        Some(found) if found == digest => {}
+        found => {
+            let now = found.map_or_else(|| "missing".to_owned(), |found| hex(&found));
+            return Ok(Since::Changed(format!(
+                "entry {number} is not as it was written: its digest was {} and is {now}",
+                hex(&digest)
+            )));
+        }
+    }
+    // What others wrote since.
+    let (mut before, mut unsigned) = (known, None::<(i64, i64)>);
+    loop {
+        let records = page(connection, path, before.number, PAGE).await?;
+        if records.is_empty() {
+            break;
+        }
+        let signed = signatures(connection, path, (before.number, PAGE)).await?;
+        for record in records {
+            if record.number != before.number + 1 || !record.follows(&before.digest) {
+                return Ok(Since::Changed(format!("entry {} does not follow the one before", record.number)));
+            }
+            before = Head { number: record.number, digest: record.digest };
+            let own = signed.iter().find(|(of, _)| *of == record.number).map(|(_, signature)| signature);
+            let is_own = own.is_some_and(|signature| {
+                Some(signature.key) == key && signature.is_of(Purpose::AuditHead, &before.message())
+            });
+            if !is_own {
+                let first = unsigned.map_or(record.number, |(first, _)| first);
+                unsigned = Some((first, record.number));
+            }
+        }
+    }
+    Ok(unsigned.map_or(Since::AsLeft, |(first, last)| Since::Unsigned(first, last)))
+}
+
+/// Rows that are read at once.
+const PAGE: u32 = 1000;
+
+/// The digest of an entry, or of the last that was removed for its age; none where it is not there.
+pub(super) async fn digest_at(
+    connection: &mut SqliteConnection,
+    path: &Path,
+    number: i64,
+) -> Result<Option<[u8; 32]>, StoreError> {
+    let found: Option<Vec<u8>> = sqlx::query_scalar("select digest from audit where number = ?")
+        .bind(number)
+        .fetch_optional(&mut *connection)
+        .await
+        .map_err(|error| StoreError::classify(error, path))?;
+    if let Some(found) = found {
+        return as_digest(found, path).map(Some);
+    }
+    let anchored = anchor(connection, path).await?;
+    Ok((anchored.0 == number).then_some(anchored.1))
+}
+
+/// The signatures of at most so many entries after one, with their numbers; none of a schema from before there were any.
+pub(super) async fn signatures(
+    connection: &mut SqliteConnection,
+    path: &Path,
+    (after, n): (i64, u32),
+) -> Result<Vec<(i64, Signature)>, StoreError> {
+    let classify = |error| StoreError::classify(error, path);
+    let is_there: i64 = sqlx::query_scalar(
+        "select count(*) from sqlite_schema where type = 'table' and name = 'audit_signature'",
+    )
+    .fetch_one(&mut *connection)
+    .await
+    .map_err(classify)?;
+    if is_there == 0 {
+        return Ok(Vec::new());
+    }
+    let rows: Vec<(i64, Vec<u8>, Vec<u8>)> = sqlx::query_as(
+        "select number, key, signature from audit_signature where number > ?1 and number <= ?1 + ?2 order by number",
+    )
+    .bind(after)
+    .bind(n)
+    .fetch_all(connection)
+    .await
+    .map_err(classify)?;
+    rows.into_iter().map(|(number, key, bytes)| Ok((number, signature(key, bytes, path)?))).collect()
+}
+
+fn signature(key: Vec<u8>, bytes: Vec<u8>, path: &Path) -> Result<Signature, StoreError> {
+    let odd = |what| StoreError::UnreadableRow { path: path.to_owned(), what };
+    let key = key.try_into().map_err(|_wrong_length| odd("audit_signature.key"))?;
+    let bytes = bytes.try_into().map_err(|_wrong_length| odd("audit_signature.signature"))?;
+    Ok(Signature { key: PublicKey::from_bytes(key), bytes })
+}
+
+/// The newest signature with its entry's number.
+async fn newest_signature(
+    connection: &mut SqliteConnection,
+    path: &Path,
+) -> Result<Option<(i64, Signature)>, StoreError> {
+    let found: Option<(i64, Vec<u8>, Vec<u8>)> =
+        sqlx::query_as("select number, key, signature from audit_signature order by number desc limit 1")
+            .fetch_optional(connection)
+            .await
+            .map_err(|error| StoreError::classify(error, path))?;
+    found.map(|(number, key, bytes)| Ok((number, signature(key, bytes, path)?))).transpose()
+}
+
+/// What of a log contradicts the signed head in a file, which one of the keys must have signed; nothing where a restore that one
+/// of them signed names that head as the one it replaced.
+pub(super) async fn contradiction(
+    connection: &mut SqliteConnection,
+    path: &Path,
+    kept: &SignedHead,
+    keys: &[PublicKey],
+) -> Result<Option<String>, StoreError> {
+    let Some((head, _)) = kept.parts().filter(|_| kept.signed_by().is_some_and(|key| keys.contains(&key)))
+    else {
+        return Ok(Some("the signed head is not signed with a key of this log".to_owned()));
+    };
+    let (n_removed, _) = anchor(connection, path).await?;
+    let found = digest_at(connection, path, head.number).await?;
+    if found == Some(head.digest) || head.number < n_removed {
+        return Ok(None);
+    }
+    if is_restored(connection, path, (&kept.noted(), keys)).await? {
+        return Ok(None);
+    }
+    let number = head.number;
+    Ok(Some(match found {
+        Some(_) => format!("entry {number} is another than the one that was signed, {}", kept.noted()),
+        None => {
+            let there = last(connection, path).await?.number;
+            format!(
+                "the log ends at entry {there}, but {} was signed: its end was cut off, or an older database was put in \
+                 its place without `videofields restore`",
+                kept.noted()
+            )
+        }
+    }))
+}
+
+/// Whether a restore that one of the keys signed says that it replaced the log with that head.
+async fn is_restored(
+    connection: &mut SqliteConnection,
+    path: &Path,
+    (noted, keys): (&str, &[PublicKey]),
+) -> Result<bool, StoreError> {
+    let found: Vec<(i64, Vec<u8>, String, Vec<u8>, Vec<u8>)> = sqlx::query_as(
+        "select audit.number, audit.digest, target, key, signature from audit join audit_signature using (number)
+         where action = ? order by audit.number desc limit ?",
+    )
+    .bind(AUDIT_RESTORE)
+    .bind(MAX_RESTORES)
+    .fetch_all(connection)
+    .await
+    .map_err(|error| StoreError::classify(error, path))?;
+    for (number, digest, target, key, bytes) in found {
+        let head = Head { number, digest: as_digest(digest, path)? };
+        let signature = signature(key, bytes, path)?;
+        let is_signed = keys.contains(&signature.key) && signature.is_of(Purpose::AuditHead, &head.message());
+        if is_signed && target.ends_with(&replaced(noted)) {
+            return Ok(true);
+        }
+    }
+    Ok(false)
+}
+
+/// What the target of a restore ends with that replaced a log with that head.
+#[must_use]
+pub fn replaced(noted: &str) -> String {
+    format!("#replaced={noted}")
+}
+
+/// An entry that the daemon makes of its own accord.
+pub(super) fn notice(at: Timestamp, action: &str, target: String) -> AuditEntry {
+    AuditEntry { at, user: None, action: action.to_owned(), target, status: 200 }
+}
+
+/// What the entry says of entries without signatures.
+pub(super) fn unsigned_notice(at: Timestamp, (first, last): (i64, i64)) -> AuditEntry {
+    notice(at, AUDIT_UNSIGNED, format!("entries {first} to {last}"))
+}
+
+impl Store {
+    /// Signs the audit log from now on: compares it with the signed head that was kept, tells in the log what contradicts it,
+    /// and that the key took over where the last signature is of another.
+    ///
+    /// # Errors
+    /// When the database fails; nothing is signed then.
+    pub async fn sign_audit(&self, keys: AuditKeys, at: Timestamp) -> Result<(), StoreError> {
+        let AuditKeys { key, before, head_file } = keys;
+        let classify = |error| self.classify(error);
+        let mut connection = self.durable.acquire().await.map_err(classify)?;
+        let mut transaction = connection.begin_with("begin immediate").await.map_err(classify)?;
+        let path = &self.path;
+        let mut known = vec![key.public()];
+        known.extend(before.as_ref().map(SigningKey::public));
+        let newest = newest_signature(&mut transaction, path).await?;
+        let shown = head_file.display();
+        let fault = match SignedHead::read(&head_file) {
+            Ok(Some(kept)) => contradiction(&mut transaction, path, &kept, &known).await?,
+            Ok(None) => newest.map(|_| format!("the signed head is gone: {shown}")),
+            Err(error) => Some(format!("the signed head cannot be read: {error}: {shown}")),
+        };
+        let end = last(&mut transaction, path).await?;
+        let mut told = Vec::new();
+        match newest {
+            Some((_, signature)) if signature.key == key.public() => {}
+            found => told.push(takes_over(&key, before.as_ref(), (found.map(|(_, of)| of.key), at))),
+        }
+        if let Some((signed, _)) = newest
+            && signed < end.number
+        {
+            told.push((unsigned_notice(at, (signed + 1, end.number)), &*key));
+        }
+        let changed = fault.as_ref().map(|fault| notice(at, AUDIT_CHANGED, fault.clone()));
+        told.extend(changed.map(|entry| (entry, &*key)));
+        let (mut head, mut signature) = (end, newest.filter(|(of, _)| *of == end.number).map(|(_, of)| of));
+        for (entry, key) in &told {
+            let written = append_within(&mut transaction, path, entry, (None, Some(key))).await?;
+            (head, signature) = (written.head, written.signature);
+        }
+        transaction.commit().await.map_err(classify)?;
+        // A second call keeps to the first one's key.
+        if self.audit.keys.set((Arc::clone(&key), head_file)).is_err() {
+            tracing::warn!("the audit log is signed already");
+        }
+        self.audit.remember(head, signature);
+        if let Some(fault) = fault {
+            self.audit.tell(&fault);
+        }
+        self.audit.write_head().await;
+        Ok(())
+    }
+
+    /// Remembers the newest entry as it is there now.
+    pub(super) async fn remember_audit(&self) -> Result<(), StoreError> {
+        let mut connection = self.durable.acquire().await.map_err(|error| self.classify(error))?;
+        let newest = last(&mut connection, &self.path).await?;
+        self.audit.remember(newest, None);
+        Ok(())
+    }
+
+    /// Returns how the audit log fares, as far as this process knows.
+    #[must_use]
+    pub fn audit_state(&self) -> AuditState {
+        self.audit.state()
+    }
+
+    /// Compares the log with its newest entry as this process knows it; what is wrong is told in the log and by
+    /// [`Self::audit_state`].
+    ///
+    /// # Errors
+    /// When the database fails.
+    pub async fn check_audit_head(&self) -> Result<(), StoreError> {
+        // The connection that writes: an entry that is on its way is known when its turn is over.
+        let mut connection = self.durable.acquire().await.map_err(|error| self.classify(error))?;
+        let Some(known) = self.audit.head() else { return Ok(()) };
+        let key = self.audit.key().map(SigningKey::public);
+        if let Since::Changed(fault) = compare(&mut connection, &self.path, known, key).await? {
+            self.audit.tell(&fault);
+        }
+        Ok(())
+    }
+
+    /// Computes the digests of all entries anew; what is wrong is told as [`Self::check_audit_head`] does.
+    ///
+    /// # Errors
+    /// When the database fails.
+    pub async fn check_whole_audit(&self) -> Result<(), StoreError> {
+        if let Some(fault) = self.check_audit().await?.fault {
+            self.audit.tell(&fault);
+        }
+        self.check_audit_head().await
+    }
+}
+
+/// The entry with which `key` takes over, and the key that signs it: the one before where that signed last.
+fn takes_over<'a>(
+    key: &'a SigningKey,
+    before: Option<&'a SigningKey>,
+    (last, at): (Option<PublicKey>, Timestamp),
+) -> (AuditEntry, &'a SigningKey) {
+    let public = key.public();
+    let Some(last) = last else { return (notice(at, AUDIT_KEY, format!("{public}#first")), key) };
+    match before.filter(|before| before.public() == last) {
+        Some(before) => (notice(at, AUDIT_KEY, format!("{public}#after={last}")), before),
+        None => {
+            tracing::warn!(
+                key = %public, before = %last,
+                "the audit log was signed with another key, and storage.audit_key_before does not name it: verifying needs \
+                 both public keys"
+            );
+            (notice(at, AUDIT_KEY, format!("{public}#unvouched_after={last}")), key)
+        }
+    }
+}
