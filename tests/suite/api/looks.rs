@@ -71,7 +71,9 @@ async fn every_look_is_noted_and_of_the_past_its_time() {
                 assert_eq!(status, StatusCode::NOT_FOUND);
                 continue;
             }
-            assert!(status.is_success(), "{target}: {status}");
+            // The stand-in's entities have no hulls: that somebody looked for one is noted all the same.
+            let is_there = !path.contains("/entities/{entity}/");
+            assert!(status.is_success() || !is_there && status == StatusCode::NOT_FOUND, "{target}: {status}");
             assert!(
                 noted == target || noted.starts_with(&format!("{target}#")),
                 "{target} is noted as {noted}"
