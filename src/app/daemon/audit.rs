@@ -29,7 +29,7 @@ pub(super) async fn sign(
     clock: &dyn Clock,
 ) -> Result<Option<Arc<SigningKey>>> {
     if !storage.signs_audit() {
-        tracing::warn!("the audit log is not signed: storage.audit_key names no key");
+        tracing::info!("the audit log is not signed: storage.audit_key names no key");
         return Ok(None);
     }
     let key = SigningKey::read(&storage.audit_key).context("the audit log cannot be signed")?;

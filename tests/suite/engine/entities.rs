@@ -24,11 +24,16 @@ fn everything() -> (Timestamp, Timestamp) {
 }
 
 fn start(folder: &Path, rate_hz: f64) -> Bench {
-    let path = match folder.join("walks").is_dir() {
-        true => folder.join("walks/in%04d.png"),
-        false => pictures_of(folder, &WALKS, (12, 16)),
+    // The same walks in two places: zones follow the footage.
+    let path = |place: &str| {
+        let folder = folder.join(place);
+        match folder.join("walks").is_dir() {
+            true => folder.join("walks/in%04d.png"),
+            false => pictures_of(&folder, &WALKS, (12, 16)),
+        }
     };
-    let mut camera = vec![camera("north", &path, End::Stop), camera("south", &path, End::Stop)];
+    let mut camera =
+        vec![camera("north", path("north"), End::Stop), camera("south", path("south"), End::Stop)];
     for camera in &mut camera {
         camera.source.rate_hz = RATE_HZ;
         // People are placed as time passes.

@@ -45,7 +45,7 @@ fn left(frame: u32, walker: (u32, u32)) -> u32 {
 /// Makes a folder of pictures of a noisy floor over which a walker goes, as often as `walks` says; their pattern.
 pub(super) fn pictures_of(folder: &Path, walks: &[(u32, u32)], walker: (u32, u32)) -> PathBuf {
     let folder = folder.join("walks");
-    std::fs::create_dir(&folder).unwrap();
+    std::fs::create_dir_all(&folder).unwrap();
     let end = walks.last().map_or(0, |(first, _)| first + WALK + 20);
     for number in 0..end {
         let walking = walks.iter().find(|(first, _)| (*first..first + WALK).contains(&number));
