@@ -96,12 +96,14 @@ async fn post(url: &Url, place: &str, message: String) -> Result<(), String> {
         hyper::client::conn::http1::handshake::<_, Full<Bytes>>(TokioIo::new(stream))
             .await
             .map_err(|error| error.to_string())?;
-    let answered = sender.send_request(request);
+    let mut answered = std::pin::pin!(sender.send_request(request));
     // The connection ends with this: what else is said on it is not read.
     let answer = tokio::select! {
-        answer = answered => answer,
+        biased;
+        answer = &mut answered => answer,
         ended = connection => match ended {
-            Ok(()) => return Err("it hung up".to_owned()),
+            // It may have brought the answer before.
+            Ok(()) => answered.await,
             Err(error) => Err(error),
         },
     };
