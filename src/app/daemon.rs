@@ -289,7 +289,7 @@ async fn load_scene(
     store: &Store,
     clock: &dyn Clock,
 ) -> Result<(Scene, bool)> {
-    match scene::load_file(&settings.id, &settings.file, &config.settings().media_folders()) {
+    match scene::load_file(&settings.id, &settings.file, config.settings().media_folders()) {
         Ok(parsed) => {
             // A scene that cannot be kept is still a scene.
             if let Err(error) = store.put_scene(&settings.id, &parsed.scene.document, clock.now()).await {
@@ -300,7 +300,7 @@ async fn load_scene(
         Err(error) => {
             let Some(kept) = store.scene(&settings.id).await? else { return Err(error.into()) };
             // Its calibrations stand in it, its models still beside the scene's file.
-            let imports = scene::FolderImports::beside(&settings.file, &config.settings().media_folders());
+            let imports = scene::FolderImports::beside(&settings.file, config.settings().media_folders());
             let parsed = scene::parse(&settings.id, &kept.document, imports);
             let then = if parsed.is_ok() { "is served" } else { "cannot be served either" };
             tracing::error!(scene = settings.id, %error, "scene file at fault; its last good document {then}");

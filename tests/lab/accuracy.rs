@@ -151,7 +151,7 @@ fn the_demo_is_true_where_no_camera_stands() {
     let settings = config.settings();
     let file = &settings.scene[0].file;
     let scene = Arc::new(
-        videofields_picture::scene::load_file("plaza", file, &settings.media_folders()).unwrap().scene,
+        videofields_picture::scene::load_file("plaza", file, settings.media_folders()).unwrap().scene,
     );
     let (eye, target) = (DVec3::new(-24.0, -18.0, 12.0), DVec3::new(2.0, 2.0, 0.0));
     let (fov_y_rad, width_px, height_px, secs) = (45_f64.to_radians(), 480, 270, 18);

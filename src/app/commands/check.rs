@@ -27,7 +27,7 @@ impl CheckConfig {
         let settings = config.settings();
         let (mut n_faulty, mut scenes) = (0, Vec::new());
         for scene in &settings.scene {
-            match scene::load_file(&scene.id, &scene.file, &settings.media_folders()) {
+            match scene::load_file(&scene.id, &scene.file, settings.media_folders()) {
                 Ok(parsed) => {
                     warn_of_unknown_cameras(settings, &parsed.scene);
                     let roots = MediaRoots::of_settings(settings);

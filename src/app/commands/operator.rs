@@ -59,7 +59,7 @@ pub(crate) fn audit_key(config: &Config) -> Option<SigningKey> {
     }
     let read = SigningKey::read(&storage.audit_key);
     read.inspect_err(|error| {
-        super::complain(&format!("warning: the audit log's entry is not signed: {error}"))
+        super::complain(&format!("warning: the audit log's entry is not signed: {error}"));
     })
     .ok()
 }

@@ -141,7 +141,7 @@ impl View {
             let known: Vec<&str> = scenes.iter().map(|scene| scene.id.as_str()).collect();
             bail!("{} has no scene {:?}; it has {known:?}", self.config.display(), self.scene);
         };
-        let scene = scene::load_file(&settings.id, &settings.file, &config.settings().media_folders())
+        let scene = scene::load_file(&settings.id, &settings.file, config.settings().media_folders())
             .with_context(|| format!("scene {}: {}", settings.id, settings.file.display()))?
             .scene;
         let answer = engine::view_once(&config, &Arc::new(scene), &request, &SystemClock::new())?;

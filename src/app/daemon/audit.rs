@@ -51,7 +51,7 @@ pub(super) async fn anchor(store: Store, storage: StorageSettings, tools: (Arc<M
     let interval = Duration::try_from_secs_f64(storage.audit_anchor_interval_secs).unwrap_or(LOOK_PERIOD);
     let url = storage.anchor_url();
     let (mut logged, mut told, mut n_failures) = (None, None, 0_u32);
-    loop {
+    for _ in 0_u64.. {
         let wait = LOOK_PERIOD.saturating_mul(1 << n_failures.saturating_sub(1).min(MAX_DOUBLINGS));
         tokio::time::sleep(if n_failures > 0 { wait.min(interval) } else { interval }).await;
         let Some(anchor) = Anchor::of(&store.audit_state()) else { continue };

@@ -274,7 +274,7 @@ impl Bench<'_> {
 fn scenes(config: &Config) -> Result<Vec<Arc<Scene>>> {
     let settings = config.settings();
     let load = |of: &config::SceneSettings| {
-        let read = scene::load_file(&of.id, &of.file, &settings.media_folders());
+        let read = scene::load_file(&of.id, &of.file, settings.media_folders());
         Ok(Arc::new(read.with_context(|| format!("scene {}: {}", of.id, of.file.display()))?.scene))
     };
     let scenes = settings.scene.iter().map(load).collect::<Result<Vec<_>>>()?;

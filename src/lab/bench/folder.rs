@@ -27,7 +27,7 @@ impl Folder {
             bail!("{}: expected one [[scene]], found {}", path.display(), settings.scene.len());
         };
         let scene_path = named.file.clone();
-        let scene = scene::load_file(&named.id, &scene_path, &settings.media_folders())
+        let scene = scene::load_file(&named.id, &scene_path, settings.media_folders())
             .with_context(|| scene_path.display().to_string())?
             .scene;
         Ok(Self { path, settings, scene_path, scene })

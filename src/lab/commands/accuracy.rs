@@ -89,7 +89,7 @@ impl Accuracy {
             let known: Vec<&str> = scenes.iter().map(|scene| scene.id.as_str()).collect();
             bail!("{} has no scene {id:?}; it has {known:?}", config_path.display());
         };
-        let scene = scene::load_file(&settings.id, &settings.file, &config.settings().media_folders())
+        let scene = scene::load_file(&settings.id, &settings.file, config.settings().media_folders())
             .with_context(|| format!("scene {}: {}", settings.id, settings.file.display()))?
             .scene;
         let scope = if self.quick { LiveScope::QUICK } else { LiveScope::FULL };

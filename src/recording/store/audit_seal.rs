@@ -369,7 +369,8 @@ async fn is_restored(
     path: &Path,
     (noted, keys): (&str, &[PublicKey]),
 ) -> Result<bool, StoreError> {
-    let found: Vec<(i64, Vec<u8>, String, Vec<u8>, Vec<u8>)> = sqlx::query_as(
+    type Row = (i64, Vec<u8>, String, Vec<u8>, Vec<u8>);
+    let found: Vec<Row> = sqlx::query_as(
         "select audit.number, audit.digest, target, key, signature from audit join audit_signature using (number)
          where action = ? order by audit.number desc limit ?",
     )

@@ -102,7 +102,15 @@ async fn hide(bench: &Bench, catalog: &Arc<Catalog>) {
     accounts.add_token("vault", "a wall".to_owned(), None).await.unwrap();
 }
 
-fn world(folder: &Path, has_hidden: bool) -> World {
+/// What a guest may not see is there, or is not.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Hidden {
+    There,
+    Absent,
+}
+
+fn world(folder: &Path, hidden: Hidden) -> World {
+    let has_hidden = hidden == Hidden::There;
     let mut cameras = vec![camera("north", pictures(folder, "north", 0..20), End::Stop)];
     if has_hidden {
         cameras.push(camera("south", pictures(folder, "south", 0..20), End::Stop));
@@ -204,7 +212,7 @@ fn what_is_hidden_changes_not_a_byte_of_any_answer() {
         return;
     }
     let folders = [TempDir::new().unwrap(), TempDir::new().unwrap()];
-    let worlds = [world(folders[0].path(), true), world(folders[1].path(), false)];
+    let worlds = [world(folders[0].path(), Hidden::There), world(folders[1].path(), Hidden::Absent)];
     let both = |who: usize, ask: &Ask| worlds.each_ref().map(|world| world.asked(who, ask));
     let looks: Vec<Ask> = looks().into_iter().chain(HIDDEN.into_iter().flat_map(looks_at)).collect();
     let mut n_told = 0;
