@@ -179,7 +179,7 @@ async fn seen(api: &Api) -> Result<Vec<Asset>, Problem> {
     Ok(all)
 }
 
-/// As any failure of the catalog; for a file that is not there, with those that the caller may look at.
+/// Returns the problem of a failure of the catalog; of a file that is not there, with those that the caller may look at.
 async fn problem_of(api: &Api, error: CatalogError) -> Problem {
     let CatalogError::NoAsset { file } = &error else { return error.into() };
     let all = seen(api).await.unwrap_or_default();

@@ -1,6 +1,6 @@
 //! Documents that people keep of scenes, with their versions: one set of handlers for all of their kinds ([`Kind`]).
 //!
-//! Who sees a document's scene and the camera that its parameters name sees the document; operators and admins change it. Of any
+//! A document is seen by callers who see its scene and the camera that its parameters name; operators and admins change it. Of any
 //! other a caller learns nothing, not even that its name is taken (`naming`); of what it was before, when it may have shown another
 //! scene, admins alone.
 

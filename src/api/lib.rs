@@ -175,7 +175,7 @@ struct Api {
     strips: turns::Turns<String>,
     streams: shares::Shares<String>,
     listeners: shares::Shares<String>,
-    /// Of `Limits::answer_bytes`.
+    /// Bytes of `Limits::answer_bytes`.
     answers: shares::Shares<String>,
     site: Arc<Site>,
     frames: Arc<FrameLock>,

@@ -26,11 +26,11 @@ static LOOKS: LazyLock<BTreeSet<&'static str>> = LazyLock::new(|| {
 });
 
 tokio::task_local! {
-    /// What the request in hand has looked at so far.
+    /// Span at which the request in hand has looked so far.
     static LOOKED: Cell<Option<Span>>;
 }
 
-/// From the earliest to the latest instant that was looked at.
+/// Span from the earliest to the latest instant that was looked at.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Span {
     from: Timestamp,

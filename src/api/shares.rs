@@ -103,7 +103,7 @@ impl Api {
     /// Takes so many places at once that users share.
     ///
     /// # Errors
-    /// As [`Self::shared`].
+    /// Errors of [`Self::shared`].
     pub(super) fn shared_many(
         &self,
         places: &Shares<String>,

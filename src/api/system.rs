@@ -103,7 +103,7 @@ async fn database(api: &Api) -> Result<Value, Problem> {
     Ok(json!({ "schema_version": SCHEMA_VERSION, "bytes": bytes }))
 }
 
-/// How the audit log fares, for admins.
+/// Returns the state of the audit log, for admins.
 fn audit(api: &Api) -> Value {
     let Some(state) = api.audit.as_ref().map(|audit| audit.state()) else { return Value::Null };
     let head = state.head.map(|(number, digest)| json!({ "number": number, "digest": digest }));

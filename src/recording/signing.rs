@@ -1,7 +1,7 @@
 //! Signatures (Ed25519, RFC 8032): a key that signs, keys that verify, and their files, as `openssl genpkey -algorithm ed25519`
 //! and `openssl pkey -pubout` write them.
 //!
-//! What is signed begins with what it is ([`Purpose`]), so that a signature of one thing is none of another.
+//! Signed bytes begin with their purpose ([`Purpose`]), so that a signature of one thing is none of another.
 
 use base64::Engine;
 use base64::prelude::BASE64_STANDARD;
@@ -28,10 +28,10 @@ const MAX_FILE_BYTES: u64 = 64 << 10;
 /// Permissions of users who are neither the owner nor in the group.
 const OTHERS: u32 = 0o007;
 
-/// What a signature says.
+/// Meaning of a signature.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Purpose {
-    /// How far the audit log reached, and with which digest.
+    /// Number and digest of an entry: the audit log reached so far.
     AuditHead,
     /// The record of a snapshot.
     Snapshot,
@@ -53,7 +53,7 @@ impl Purpose {
     }
 }
 
-/// Why there is no key.
+/// Reason why there is no key.
 #[derive(Debug, thiserror::Error)]
 pub enum SigningError {
     /// The file cannot be read.
@@ -79,7 +79,7 @@ pub enum SigningError {
     Content {
         /// The file.
         path: PathBuf,
-        /// What it should have.
+        /// Expected contents.
         expected: &'static str,
     },
     /// The file cannot be written.
@@ -218,9 +218,9 @@ pub struct NotHex;
 /// A signature, and the key that verifies it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Signature {
-    /// Who signed.
+    /// Key of the signer.
     pub key: PublicKey,
-    /// What was made with the private key.
+    /// Signature that the private key made.
     pub bytes: [u8; 64],
 }
 

@@ -156,10 +156,10 @@ fn make_key(out: &Path) -> Result<()> {
     super::say(&format!("{}: a key, whose public key {public} is in {}", out.display(), beside.display()))
 }
 
-/// Where the head is kept that was signed last.
+/// Returns the path of the file that holds the head that was signed last.
 struct Kept<'a> {
     path: &'a Path,
-    /// Whether nothing else says how far the log reached.
+    /// True where nothing else says how far the log reached.
     is_needed: bool,
 }
 

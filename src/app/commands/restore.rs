@@ -88,7 +88,7 @@ impl Restore {
     }
 }
 
-/// What the entry says of the log that is replaced: how far it reached, as it was signed.
+/// Returns the words of the entry on the log that is replaced: how far it reached, as it was signed.
 fn replaced_head(path: &Path, key: Option<&SigningKey>) -> String {
     let kept = match SignedHead::read(path) {
         Ok(Some(kept)) => kept,

@@ -61,7 +61,7 @@ impl Snapshot {
     }
 }
 
-/// What is known of snapshots from elsewhere.
+/// Knowledge of snapshots from elsewhere.
 #[derive(Default)]
 struct Noted<'a> {
     digest: Option<&'a str>,
@@ -70,7 +70,7 @@ struct Noted<'a> {
 }
 
 impl Noted<'_> {
-    /// What is wrong with who signed a snapshot; nothing where no key was named.
+    /// Returns the fault of a snapshot's signer; none where no key was named.
     fn fault(&self, signer: Option<&String>) -> Option<String> {
         match signer {
             _ if self.keys.is_empty() => None,

@@ -10,7 +10,7 @@ use videofields_recording::telemetry::Metrics;
 use videofields_vision::clock::Clock;
 use videofields_vision::config::StorageSettings;
 
-/// How often the log's end is compared with what was written last.
+/// Time between two comparisons of the log's end with what was written last.
 const LOOK_PERIOD: Duration = Duration::from_secs(10);
 
 /// A pause after a failure is doubled so often at most.
@@ -45,7 +45,7 @@ pub(super) async fn sign(
 }
 
 /// Tells in the log, and at a URL where one is configured, how far the audit log reaches: at most so often, and only what is new.
-/// What is not taken is tried again, later and later, as the newest of then.
+/// Tries again what is not taken, later and later, as the newest of then.
 pub(super) async fn anchor(store: Store, storage: StorageSettings, tools: (Arc<Metrics>, Arc<dyn Clock>)) {
     let (metrics, clock) = tools;
     let interval = Duration::try_from_secs_f64(storage.audit_anchor_interval_secs).unwrap_or(LOOK_PERIOD);

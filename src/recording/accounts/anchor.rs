@@ -16,7 +16,7 @@ use videofields_vision::clock::Timestamp;
 /// Time for all of it: the name's address, the connection, and the answer.
 const TIME: Duration = Duration::from_secs(15);
 
-/// Why nobody was told. Holds nothing of the URL but scheme, host and port.
+/// Reason why nobody was told. Holds nothing of the URL but scheme, host and port.
 #[derive(Debug, thiserror::Error)]
 #[error("{place}: {reason}")]
 pub struct AnchorError {
@@ -117,7 +117,7 @@ mod tests {
     use tokio::io::{AsyncReadExt, AsyncWriteExt};
     use tokio::net::TcpListener;
 
-    /// What is answered once by who is told, and what was said to it.
+    /// Returns what came of telling a server that answers once, and what was said to it.
     async fn told(answer: &'static str) -> (Result<(), AnchorError>, String) {
         let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
         let url = format!("http://{}/heads/s3cret", listener.local_addr().unwrap());

@@ -14,7 +14,7 @@ const MAX_LOOKS: usize = 4096;
 /// Parts of the past at which one caller's looks are noted one by one within that time.
 pub const MAX_PARTS_EACH: usize = 512;
 
-/// How new a look is.
+/// Novelty of a look.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Newness {
     /// It was noted not long ago.

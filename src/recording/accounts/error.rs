@@ -47,7 +47,7 @@ pub enum AccountError {
     TooMany {
         /// What.
         what: &'static str,
-        /// As many.
+        /// Most that there may be.
         most: usize,
     },
     /// The user has as many as one may make.
@@ -57,7 +57,7 @@ pub enum AccountError {
     Quota {
         /// What.
         what: &'static str,
-        /// As many.
+        /// Most that there may be.
         n_own: usize,
     },
     /// Members of a document are wrong.

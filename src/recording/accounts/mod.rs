@@ -341,7 +341,7 @@ impl Accounts {
     /// Makes a token for a user who asks for it, as [`Self::add_token`] does, as many as one user may have.
     ///
     /// # Errors
-    /// As [`Self::add_token`]; [`AccountError::Quota`].
+    /// Errors of [`Self::add_token`]; [`AccountError::Quota`].
     pub async fn add_own_token(
         &self,
         user: &str,

@@ -41,7 +41,7 @@ pub(super) struct Shared {
     pub clock: Arc<dyn Clock>,
     pub queue: Queue,
     pub exports: Exports,
-    /// What signs exports' manifests.
+    /// Key that signs exports' manifests.
     key: OnceLock<Arc<SigningKey>>,
     /// Set when all is to end; long work looks at it.
     pub stop: AtomicBool,
@@ -67,7 +67,7 @@ impl Shared {
         }
     }
 
-    /// What signs exports' manifests, where there is a key.
+    /// Returns the key that signs exports' manifests, where there is one.
     pub(super) fn signing_key(&self) -> Option<&SigningKey> {
         self.key.get().map(|key| &**key)
     }

@@ -52,7 +52,7 @@ pub struct CameraStatus {
     pub state: CameraState,
     /// Why it failed last, or what is wrong although frames come; else `None`.
     pub reason: Option<String>,
-    /// The same for callers who do not administer the site: without paths and addresses, and what answers there.
+    /// Reason for callers who do not administer the site: without paths and addresses, and what answers there.
     pub public_reason: Option<String>,
     /// Wall-clock time at which this state began.
     pub since: Timestamp,

@@ -98,14 +98,14 @@ pub(super) struct Head {
     pub(super) digest: [u8; 32],
 }
 
-/// What was added to the log.
+/// Entry that was added to the log.
 #[derive(Clone, Debug)]
 pub(super) struct Written {
     /// The entry that was asked for, which is the last now.
     pub(super) head: Head,
-    /// Of that entry, where there is a key.
+    /// Signature of that entry, where there is a key.
     pub(super) signature: Option<Signature>,
-    /// What was wrong with the log before.
+    /// Fault that the log had before.
     pub(super) fault: Option<String>,
 }
 
@@ -276,7 +276,7 @@ impl Store {
     /// Adds an entry as [`Store::append_audit`] does, signed with that key where the log is not signed by this process.
     ///
     /// # Errors
-    /// As [`Store::append_audit`].
+    /// Errors of [`Store::append_audit`].
     pub async fn note_audit(&self, entry: &AuditEntry, key: Option<&SigningKey>) -> Result<i64, StoreError> {
         let mut connection = self.durable.acquire().await.map_err(|error| self.classify(error))?;
         let with = (self.audit.head(), self.audit.key().or(key));
@@ -353,10 +353,10 @@ impl Store {
     }
 }
 
-/// What an entry is called that says which entries were removed for their age.
+/// Action of an entry that says which entries were removed for their age.
 pub(super) const AUDIT_RETENTION: &str = "audit retention";
 
-/// What it says.
+/// Returns its target.
 pub(super) fn removal(last: i64, digest: &str) -> String {
     format!("entries up to {last} are removed; its digest was {digest}")
 }
@@ -388,7 +388,7 @@ impl ReadOnly {
     /// where that is kept.
     ///
     /// # Errors
-    /// As [`Self::check_audit`].
+    /// Errors of [`Self::check_audit`].
     pub async fn check_signatures(
         &mut self,
         trusted: &[PublicKey],

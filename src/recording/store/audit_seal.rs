@@ -1,4 +1,4 @@
-//! What proves that the audit log is as this daemon wrote it: the newest entry, which is kept in memory and compared, the
+//! Proofs that the audit log is as this daemon wrote it: the newest entry, which is kept in memory and compared, the
 //! signatures of entries (table `audit_signature`), and the signed head, a file that says how far the log reached.
 //!
 //! Each signature is of an entry's number and digest, and so of everything before it: who rewrites the log from any entry on
@@ -17,16 +17,16 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 use videofields_vision::clock::Timestamp;
 
-/// What an entry is called with which another key takes over; its target begins with the new public key.
+/// Action of an entry with which another key takes over; its target begins with the new public key.
 pub const AUDIT_KEY: &str = "audit key";
 
-/// What an entry is called that says that the log is not as it was left.
+/// Action of an entry that says that the log is not as it was left.
 pub const AUDIT_CHANGED: &str = "audit log changed";
 
-/// What an entry is called that says which entries before it were written without the key.
+/// Action of an entry that says which entries before it were written without the key.
 pub const AUDIT_UNSIGNED: &str = "audit entries without a signature";
 
-/// What the entry of a restore is called.
+/// Action of the entry of a restore.
 pub const AUDIT_RESTORE: &str = "restore";
 
 /// Most bytes of the file of a signed head.
@@ -42,7 +42,7 @@ pub struct SignedHead {
     pub number: i64,
     /// Its digest, hexadecimal.
     pub digest: String,
-    /// Who signed it.
+    /// Key of its signer.
     #[serde(flatten)]
     pub signature: SignatureText,
 }
@@ -111,20 +111,20 @@ pub struct AuditKeys {
     pub head_file: PathBuf,
 }
 
-/// How the audit log fares.
+/// State of the audit log.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct AuditState {
     /// The newest entry's number and digest, hexadecimal.
     pub head: Option<(i64, String)>,
     /// The newest entry as it is signed; none without a key.
     pub signed: Option<SignedHead>,
-    /// What was found wrong last.
+    /// Fault that was found last.
     pub fault: Option<String>,
-    /// How often something else was found wrong.
+    /// Number of times that another fault was found.
     pub n_faults: u64,
 }
 
-/// What a store knows of its audit log beside what the database says.
+/// Knowledge of a store about its audit log beside what the database says.
 #[derive(Debug, Default)]
 pub(super) struct Seal {
     keys: OnceLock<(Arc<SigningKey>, PathBuf)>,
@@ -195,7 +195,7 @@ impl Head {
     }
 }
 
-/// What has become of the log since its newest entry was known.
+/// Change of the log since its newest entry was known.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) enum Since {
     /// It has that entry, and behind it only what was signed, or nothing.
@@ -329,7 +329,7 @@ async fn newest_signature(
     found.map(|(number, key, bytes)| Ok((number, signature(key, bytes, path)?))).transpose()
 }
 
-/// What of a log contradicts the signed head in a file, which one of the keys must have signed; nothing where a restore that one
+/// Returns what of a log contradicts the signed head in a file, which one of the keys must have signed; nothing where a restore that one
 /// of them signed names that head as the one it replaced.
 pub(super) async fn contradiction(
     connection: &mut SqliteConnection,
@@ -363,7 +363,7 @@ pub(super) async fn contradiction(
     }))
 }
 
-/// Whether a restore that one of the keys signed says that it replaced the log with that head.
+/// Returns true where a restore that one of the keys signed says that it replaced the log with that head.
 async fn is_restored(
     connection: &mut SqliteConnection,
     path: &Path,
@@ -390,7 +390,7 @@ async fn is_restored(
     Ok(false)
 }
 
-/// What the target of a restore ends with that replaced a log with that head.
+/// Returns the end of the target of a restore that replaced a log with that head.
 #[must_use]
 pub fn replaced(noted: &str) -> String {
     format!("#replaced={noted}")
@@ -401,7 +401,7 @@ pub(super) fn notice(at: Timestamp, action: &str, target: String) -> AuditEntry 
     AuditEntry { at, user: None, action: action.to_owned(), target, status: 200 }
 }
 
-/// What the entry says of entries without signatures.
+/// Returns the entry that tells of entries without signatures.
 pub(super) fn unsigned_notice(at: Timestamp, (first, last): (i64, i64)) -> AuditEntry {
     notice(at, AUDIT_UNSIGNED, format!("entries {first} to {last}"))
 }

@@ -1,4 +1,4 @@
-//! Whether the audit log is as it was signed: every signature, the keys that took over, and the head that was kept.
+//! Verifies that the audit log is as it was signed: every signature, the keys that took over, and the head that was kept.
 
 use super::audit::{AUDIT_RETENTION, AuditRecord, Head, anchor, hex, page, removal};
 use super::audit_seal::{AUDIT_KEY, contradiction, signatures};
@@ -10,7 +10,7 @@ use std::path::Path;
 /// Rows that are read at once.
 const PAGE: u32 = 1000;
 
-/// What a look at the signatures of all entries found.
+/// Findings of a look at the signatures of all entries.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct SignatureCheck {
     /// The first entry that a trusted key signed.
@@ -25,7 +25,7 @@ pub struct SignatureCheck {
     pub took_over: Vec<(i64, PublicKey)>,
     /// The first entry behind the last signed one: nothing vouches for it and those after it.
     pub unsigned_from: Option<i64>,
-    /// What is wrong.
+    /// Faults.
     pub fault: Option<String>,
 }
 
@@ -34,7 +34,7 @@ struct Walk {
     trusted: Vec<PublicKey>,
     /// Keys that were replaced, with the entry that says so.
     replaced: Vec<(PublicKey, i64)>,
-    /// What the entry says with which the log begins later, where it does.
+    /// Words of the entry with which the log begins later, where it does.
     removal: Option<String>,
     found: SignatureCheck,
     n_unsigned_since: u64,

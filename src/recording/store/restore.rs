@@ -49,7 +49,7 @@ pub struct Restoring<'a> {
     pub replace: Replace,
     /// What the audit log of the new database says of it, as its newest entry.
     pub entry: AuditEntry,
-    /// What signs that entry.
+    /// Key that signs that entry.
     pub key: Option<&'a SigningKey>,
 }
 

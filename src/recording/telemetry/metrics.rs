@@ -95,9 +95,9 @@ pub struct Metrics {
     pub evidence_kept: IntGauge,
     /// Bytes of all snapshots.
     pub evidence_kept_bytes: IntGauge,
-    /// How often the audit log was found otherwise than it was written.
+    /// Number of times that the audit log was found otherwise than it was written.
     pub audit_faults: IntCounter,
-    /// How often the newest entry of the audit log could not be told elsewhere.
+    /// Number of times that the newest entry of the audit log could not be told elsewhere.
     pub audit_anchors_failed: IntCounter,
     /// Answered requests. Labels: route (its template, never the path itself), status.
     pub api_requests: IntCounterVec,

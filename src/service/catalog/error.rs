@@ -102,17 +102,17 @@ pub enum CatalogError {
     /// There are as many as there may be.
     #[error("there are {most} of {} already", kind.as_str())]
     TooMany {
-        /// Of what.
+        /// Kind of document.
         kind: DocumentKind,
-        /// As many.
+        /// Most that there may be.
         most: usize,
     },
     /// The user has made as many as one may.
     #[error("you have made {most} of {} that are there, the most of one user: remove one first", kind.as_str())]
     Quota {
-        /// Of what.
+        /// Kind of document.
         kind: DocumentKind,
-        /// As many.
+        /// Most that there may be.
         most: usize,
     },
     /// The document's faults.

@@ -13,7 +13,7 @@ pub struct PlayheadAsked {
     pub id: String,
     /// What the change must find; none where anything may be there.
     pub condition: Option<Condition>,
-    /// Who changes it.
+    /// User who changes it.
     pub by: Changer,
 }
 
@@ -27,7 +27,7 @@ impl Catalog {
     /// Makes a playhead, or changes it, as `change` asks of the door, and keeps it: its version, whether it is new, and its state.
     ///
     /// # Errors
-    /// What `change` fails with, [`CatalogError::Changed`] where the condition does not hold, [`CatalogError::Quota`],
+    /// Errors of `change`, [`CatalogError::Changed`] where the condition does not hold, [`CatalogError::Quota`],
     /// [`CatalogError::TooMany`], [`CatalogError::Store`]; it stands where it stood then.
     pub async fn move_playhead(
         &self,

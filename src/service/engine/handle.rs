@@ -58,7 +58,7 @@ pub struct CameraSummary {
     pub state: String,
     /// Why it is in that state, where there is something to say.
     pub reason: Option<String>,
-    /// The same for callers who do not administer the site.
+    /// Reason for callers who do not administer the site.
     #[serde(skip)]
     pub public_reason: Option<String>,
     /// When that state began, by the machine's clock, RFC 3339.

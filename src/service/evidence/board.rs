@@ -152,7 +152,7 @@ impl Reader<'_> {
     /// if `is_admin` of the first still. An admin's `hold` of true takes a request back.
     ///
     /// # Errors
-    /// As [`Self::one`]; [`EvidenceError::Forbidden`] for viewers, and for all but admins where a hold is to be lifted;
+    /// Errors of [`Self::one`]; [`EvidenceError::Forbidden`] for viewers, and for all but admins where a hold is to be lifted;
     /// [`EvidenceError::Faults`]; [`EvidenceError::Full`] where the caller holds as much as may be;
     /// [`EvidenceError::AskedAlready`]; [`EvidenceError::Changed`] where `condition` does not hold.
     pub async fn annotate(
@@ -261,7 +261,7 @@ impl Reader<'_> {
     /// Removes a snapshot; its digest stays, so that the chain is whole. Operators remove their own.
     ///
     /// # Errors
-    /// As [`Self::one`]; [`EvidenceError::Forbidden`] for viewers, and for operators where another made it;
+    /// Errors of [`Self::one`]; [`EvidenceError::Forbidden`] for viewers, and for operators where another made it;
     /// [`EvidenceError::Changed`] where `condition` does not hold; [`EvidenceError::Held`].
     pub async fn remove(&self, id: &str, condition: Condition) -> Result<(), EvidenceError> {
         let record = self.one(id).await?;

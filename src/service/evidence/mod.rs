@@ -88,7 +88,7 @@ pub struct Snapshots {
     turn: Mutex<()>,
     making: Semaphore,
     bundles: Arc<Semaphore>,
-    /// What signs records.
+    /// Key that signs records.
     key: Option<Arc<SigningKey>>,
 }
 

@@ -30,7 +30,7 @@ pub struct StorageSettings {
     /// The file that says how far the signed audit log reached. Empty (default): beside the database, with its name and the ending
     /// `.audit-head`.
     pub audit_head: PathBuf,
-    /// Where the newest entry's number, digest and signature are told (POST, JSON): an http or https URL without user, password,
+    /// Place at which the newest entry's number, digest and signature are told (POST, JSON): an http or https URL without user, password,
     /// query and fragment. Empty (default): nowhere but in the log.
     pub audit_anchor_url: String,
     /// Seconds between two entries that are told so, and in the log, 10 to 86400; where nothing is added, nothing is told. Default

@@ -14,7 +14,7 @@ fn is_another(path: &str) -> bool {
     path.ends_with("/frames") || path.ends_with("/foreground") || path.starts_with("/api/v1/snapshots")
 }
 
-/// What the stand-in has none of: an export's files, and whoever has a hull.
+/// Routes to what the stand-in has none of: an export's files, and whoever has a hull.
 const NOT_THERE: [&str; 2] = ["/api/v1/exports/{id}/{file}", "/api/v1/scenes/{id}/entities/{entity}/{file}"];
 
 /// Asks for `target`, leaves what comes without end, and returns what the audit log then says last.

@@ -1,4 +1,4 @@
-//! What is there and hidden: who may see camera `north` alone asks every route, and tries every change and every name, of a daemon that
+//! Hidden things: a guest who may see camera `north` alone asks every route, and tries every change and every name, of a daemon that
 //! has another camera, scenes, views, walls, playheads, files and users, and of one that has none of them. Not a byte of the answers
 //! differs, but for [`TOLD`].
 
@@ -68,14 +68,14 @@ fn wall_of(scene: &str, parameters: &str) -> Value {
     })
 }
 
-/// What the guest may see, in both worlds: a yard, and a lot whose ground has a picture.
+/// Keeps what the guest may see, in both worlds: a yard, and a lot whose ground has a picture.
 async fn keep_seen(bench: &Bench, catalog: &Arc<Catalog>) {
     catalog.put_asset(&bench.handle, ("seen.png", picture([9, 9, 9])), |_| true).await.unwrap();
     let lot = ("lot", scene_without(1, Some("seen.png")));
     catalog.put_scene(&bench.handle, lot, Condition::Absent, None).await.unwrap();
 }
 
-/// What only one world has.
+/// Keeps what only one world has.
 async fn hide(bench: &Bench, catalog: &Arc<Catalog>) {
     catalog.put_asset(&bench.handle, ("spare.png", picture([0, 9, 0])), |_| true).await.unwrap();
     catalog.put_asset(&bench.handle, ("lumber.png", picture([0, 0, 9])), |_| true).await.unwrap();
@@ -102,7 +102,7 @@ async fn hide(bench: &Bench, catalog: &Arc<Catalog>) {
     accounts.add_token("vault", "a wall".to_owned(), None).await.unwrap();
 }
 
-/// What a guest may not see is there, or is not.
+/// Presence of what a guest may not see.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Hidden {
     There,

@@ -38,7 +38,7 @@ pub(super) struct Told {
 }
 
 impl Told {
-    /// The same with another text in the place of one.
+    /// Returns the same with another text in the place of one.
     pub(super) fn replaced(mut self, text: &str, other: &str) -> Self {
         if let Ok(body) = std::str::from_utf8(&self.body) {
             self.body = body.replace(text, other).into_bytes();
@@ -46,7 +46,7 @@ impl Told {
         self
     }
 
-    /// The same without these fields, also of the parts of a stream.
+    /// Returns the same without these fields, also of the parts of a stream.
     pub(super) fn without_fields(mut self, names: &[&str]) -> Self {
         self.fields.retain(|field| !names.iter().any(|name| field.starts_with(&format!("{name}:"))));
         for name in names {

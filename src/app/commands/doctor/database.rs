@@ -25,7 +25,7 @@ pub(super) fn look(config: &Config) -> Vec<Line> {
     lines
 }
 
-/// Whether the audit log is signed.
+/// Tells if the audit log is signed.
 fn audit_key(storage: &StorageSettings) -> Line {
     if !storage.signs_audit() {
         let why = "whoever can write the database can rewrite the log unnoticed";

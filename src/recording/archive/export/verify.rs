@@ -1,4 +1,4 @@
-//! Whether an export is as it was made, wherever it lies by now: its manifest's signature, and every clip's digest.
+//! Verifies that an export is as it was made, wherever it lies by now: its manifest's signature, and every clip's digest.
 
 use super::manifest::{self, Manifest};
 use crate::signing::{PublicKey, Purpose, Signature, SignatureText};
@@ -13,14 +13,14 @@ const MAX_MANIFEST_BYTES: u64 = 16 << 20;
 /// Bytes that are read at once.
 const CHUNK_BYTES: usize = 256 << 10;
 
-/// What a look at an export found.
+/// Findings of a look at an export.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct VerifiedExport {
     /// Clips that the manifest names.
     pub n_clips: usize,
-    /// Who signed the manifest as it stands there; none where nobody did.
+    /// Key that signed the manifest as it stands there; none where nobody did.
     pub signed_by: Option<PublicKey>,
-    /// What is wrong, in words.
+    /// Faults, in words.
     pub faults: Vec<String>,
 }
 

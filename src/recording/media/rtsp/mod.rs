@@ -36,7 +36,7 @@ const LATENCY_MS: u32 = 100;
 /// Longest silence for which packets wait for one before them over TCP, where nothing is lost on the way.
 const ORDER_TIME: Duration = Duration::from_millis(100);
 
-/// The same over UDP, where the one before them is lost more often than late: less than the time between two pictures.
+/// Longest silence over UDP, where the one before them is lost more often than late: less than the time between two pictures.
 const DATAGRAM_ORDER_TIME: Duration = Duration::from_millis(30);
 
 /// Most bytes of packets on their way to be put in order.
