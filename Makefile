@@ -10,7 +10,7 @@ LISTEN ?= 127.0.0.1:8080
 # Mesa's loader warns about a missing display on machines without one.
 export NODEVICE_SELECT := 1
 
-.PHONY: help setup web demo test test-pages test-lints test-crates check contract fuzz bench bundle drivers load pictures clips
+.PHONY: help setup web demo test test-pages test-lints test-crates check contract fuzz deny bench bundle drivers load pictures clips
 
 help:
 	@echo "make setup     install the Debian packages that are missing"
@@ -20,6 +20,7 @@ help:
 	@echo "make check     type-check and lint only"
 	@echo "make contract  tries every operation of the interface's contract, as every role (Schemathesis; CASES=20)"
 	@echo "make fuzz      feeds what reads bytes from outside with such as nobody sends, ten minutes each (MINUTES=10)"
+	@echo "make deny      holds the dependencies to deny.toml: advisories, licences, versions, sources (CHECKS=...)"
 	@echo "make bench     the benchmarks"
 	@echo "make bundle    a tar that measures any Vulkan device with one command (target/bundle/)"
 	@echo "make drivers   the tests of whatever draws on a second Vulkan driver, and under Khronos' validation layer"
@@ -80,6 +81,12 @@ contract: setup
 # cargo-fuzz), and the network once.
 fuzz: setup
 	tests/fuzz/run.sh
+
+# CHECKS="bans licenses sources" leaves out the advisories, whose database is fetched each time; it needs cargo-deny (cargo install
+# --locked cargo-deny). An exception of deny.toml that nothing needs any more is an error.
+CHECKS ?= advisories bans licenses sources
+deny:
+	cargo-deny --locked check -D unmatched-skip -D unnecessary-skip $(CHECKS)
 
 # PYTHON=... names an interpreter that can import cv2, INPUT=... a video: then the mixture is timed beside OpenCV's.
 bench: setup
