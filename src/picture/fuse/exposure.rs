@@ -6,7 +6,8 @@
 use super::SceneState;
 use super::overlap::Overlap;
 use glam::{DVec3, Vec3};
-use std::sync::Arc;
+use std::collections::VecDeque;
+use std::sync::{Arc, Weak};
 use videofields_vision::clock::Timestamp;
 use videofields_vision::frame::{YuvImage, log_gains};
 
@@ -27,16 +28,42 @@ const KEPT_SECS: f64 = 30.0;
 /// An instant this little before a line's is answered by it.
 const BACK_SECS: f64 = 0.5;
 
+/// Answers that are kept: tiles of a wall and pictures of one instant are asked for one after the other, other instants meanwhile, and all
+/// have the same colours.
+const MOST_ANSWERS: usize = 64;
+
 /// One scene's gains along its time.
 ///
 /// An instant goes on from the latest one within 30 seconds before it, or at most half a second after it; any other
 /// begins anew with what the cameras come to, as does a camera that is compared for the first time. The same instants with
-/// the same observations in the same order give the same gains.
+/// the same observations in the same order give the same gains, and one that was asked for of late gives what it gave.
 #[derive(Clone, Debug)]
 pub struct Exposure {
     overlap: Arc<Overlap>,
     lines: Vec<Line>,
     n_updates: u64,
+    /// The latest last.
+    answers: VecDeque<Answer>,
+}
+
+/// Gains of an instant as they were given; logarithms by the cameras' places in the scene.
+#[derive(Clone, Debug)]
+struct Answer {
+    instant: Timestamp,
+    /// Places of the cameras and what they were compared by: weak, so that nothing is held, and nothing else can take its address.
+    compared: Vec<(usize, Weak<YuvImage>)>,
+    shown: Vec<Option<DVec3>>,
+}
+
+impl Answer {
+    fn is_of(&self, instant: Timestamp, backgrounds: &[(usize, &Arc<YuvImage>)]) -> bool {
+        let is_same = |(of, (member, background)): (&(usize, Weak<YuvImage>), &(usize, &Arc<YuvImage>))| {
+            of.0 == *member && std::ptr::eq(of.1.as_ptr(), Arc::as_ptr(background))
+        };
+        self.instant == instant
+            && self.compared.len() == backgrounds.len()
+            && self.compared.iter().zip(backgrounds).all(is_same)
+    }
 }
 
 /// What is known at an instant; logarithms of gains by the cameras' places in the scene.
@@ -54,7 +81,7 @@ impl Exposure {
     /// Of the scene whose overlap this is, before any instant.
     #[must_use]
     pub const fn new(overlap: Arc<Overlap>) -> Self {
-        Self { overlap, lines: Vec::new(), n_updates: 0 }
+        Self { overlap, lines: Vec::new(), n_updates: 0, answers: VecDeque::new() }
     }
 
     /// Gives the cameras of a state their gains: the state must be of the overlap's scene, else nothing is evened.
@@ -65,23 +92,45 @@ impl Exposure {
         if self.overlap.is_empty() || state.scene.cameras.len() != self.overlap.n_members() {
             return;
         }
-        self.n_updates += 1;
-        let overlap = Arc::clone(&self.overlap);
         let members = members(state);
-        let mut backgrounds: Vec<Option<&YuvImage>> = vec![None; overlap.n_members()];
-        for (member, camera) in members.iter().zip(&state.cameras) {
-            backgrounds[*member] = Some(&camera.observation.background);
-        }
-        let sample = || log_gains(overlap.n_members(), &overlap.differences(&backgrounds));
-        let line = self.line_to(state.instant, sample);
-        let line = &mut self.lines[line];
-        line.used = self.n_updates;
-        line.advance(state.instant, sample);
-        let gains: Vec<Option<DVec3>> = members.iter().map(|member| line.shown[*member]).collect();
+        let compared: Vec<(usize, &Arc<YuvImage>)> = members
+            .iter()
+            .copied()
+            .zip(state.cameras.iter().map(|camera| &camera.observation.background))
+            .collect();
+        let answered = self.answers.iter().find(|answer| answer.is_of(state.instant, &compared));
+        let shown = match answered {
+            Some(answer) => answer.shown.clone(),
+            None => self.shown_at(state.instant, &compared),
+        };
+        let gains: Vec<Option<DVec3>> = members.iter().map(|member| shown[*member]).collect();
         state.n_overlapping = gains.iter().flatten().count();
         for (camera, gain) in state.cameras.iter_mut().zip(gains) {
             camera.gain = gain.map_or(Vec3::ONE, |log| log.exp().as_vec3());
         }
+    }
+
+    /// Goes on to an instant at which cameras have these backgrounds, and returns what it comes to.
+    fn shown_at(&mut self, instant: Timestamp, compared: &[(usize, &Arc<YuvImage>)]) -> Vec<Option<DVec3>> {
+        self.n_updates += 1;
+        let overlap = Arc::clone(&self.overlap);
+        let mut backgrounds: Vec<Option<&YuvImage>> = vec![None; overlap.n_members()];
+        for (member, background) in compared {
+            backgrounds[*member] = Some(background);
+        }
+        let sample = || log_gains(overlap.n_members(), &overlap.differences(&backgrounds));
+        let line = self.line_to(instant, sample);
+        let line = &mut self.lines[line];
+        line.used = self.n_updates;
+        line.advance(instant, sample);
+        let shown = line.shown.clone();
+        if self.answers.len() == MOST_ANSWERS {
+            self.answers.pop_front();
+        }
+        let compared =
+            compared.iter().map(|(member, background)| (*member, Arc::downgrade(background))).collect();
+        self.answers.push_back(Answer { instant, compared, shown: shown.clone() });
+        shown
     }
 
     /// The line that goes on to `instant`, begun by `sample` where there is none.

@@ -29,8 +29,13 @@ pub struct Placing {
     answers: Vec<Answer>,
 }
 
-/// Answers that are kept: tiles of a wall, pictures and lists of one instant are asked for one after the other.
-const MOST_ANSWERS: usize = 8;
+/// Most answers that are kept, and least of them that are kept whatever their size: tiles of a wall, pictures and lists of one instant are
+/// asked for one after the other, other instants meanwhile, and all show the same people.
+const MOST_ANSWERS: usize = 64;
+const LEAST_ANSWERS: usize = 8;
+
+/// Most bytes of owner maps of all answers beyond the least.
+const MOST_ANSWER_BYTES: usize = 32 << 20;
 
 /// Camera by its place in the scene, and what it saw by its memory: weak, so that nothing is held, and nothing else can take its address.
 #[derive(Debug)]
@@ -66,6 +71,16 @@ impl SeenBy {
 }
 
 impl Answer {
+    /// Returns true while all that the cameras saw is in memory: later nobody asks for it again.
+    fn can_be_asked_for(&self) -> bool {
+        self.seen.iter().all(|of| of.labels.strong_count() > 0 && of.image.strong_count() > 0)
+    }
+
+    /// Returns the bytes of its owner maps.
+    fn n_bytes(&self) -> usize {
+        self.owners.iter().flatten().map(|map| map.n_bytes()).sum()
+    }
+
     fn is_of(
         &self,
         scene: &Arc<Scene>,
@@ -170,10 +185,7 @@ impl Placing {
         }
         let memory = (&mut self.association, self.occupancy.as_mut());
         let entities = placed(memory, &corrected, instant, (&members, &mut cameras));
-        if self.answers.len() == MOST_ANSWERS {
-            self.answers.remove(0);
-        }
-        self.answers.push(Answer {
+        self.keep(Answer {
             scene: Arc::downgrade(scene),
             instant,
             seen: members.iter().zip(&cameras).map(|(member, camera)| SeenBy::new(*member, camera)).collect(),
@@ -182,6 +194,22 @@ impl Placing {
             corrected: cameras.iter().map(|camera| Arc::clone(&camera.corrected)).collect(),
         });
         state_of(scene, instant, (cameras, entities))
+    }
+
+    /// Keeps an answer as the latest one, and as many of those before it as there may be.
+    fn keep(&mut self, answer: Answer) {
+        self.answers.retain(Answer::can_be_asked_for);
+        self.answers.push(answer);
+        let mut n_bytes: usize = self.answers.iter().map(Answer::n_bytes).sum();
+        let is_over = |n_kept: usize, n_bytes: usize| {
+            n_kept > MOST_ANSWERS || (n_kept > LEAST_ANSWERS && n_bytes > MOST_ANSWER_BYTES)
+        };
+        let mut n_gone = 0;
+        while is_over(self.answers.len() - n_gone, n_bytes) {
+            n_bytes -= self.answers[n_gone].n_bytes();
+            n_gone += 1;
+        }
+        self.answers.drain(..n_gone);
     }
 
     /// Puts together what the cameras saw as [`Self::assemble`] does, with ids that hold for this instant alone; changes nothing of who
@@ -324,6 +352,54 @@ mod tests {
         // The same pictures a minute later say nothing of who these are.
         let (_, later) = state(300);
         assert!(later.iter().all(|of| entities.iter().all(|known| known.id != of.id)), "{later:?}");
+    }
+
+    #[test]
+    fn an_instant_shows_the_same_people_however_many_others_are_placed_before_it_is_asked_for_again() {
+        let scene = scene(DVec3::ZERO, "", &around(DVec3::ZERO));
+        let steps: Vec<Vec<Observation>> = (0..40).map(|step| observations_at(&scene, step)).collect();
+        let mut placing = Placing::default();
+        let mut state = |step: usize| {
+            let find = |id: &CameraId| steps[step].iter().find(|of| of.frame.camera == *id).cloned();
+            placing.assemble(&scene, at(step as i64), find)
+        };
+        let first = state(0);
+        for step in 1..40 {
+            state(step);
+        }
+        let again = state(0);
+        assert_eq!(again.entities, first.entities);
+        for (a, b) in first.cameras.iter().zip(&again.cameras) {
+            assert!(Arc::ptr_eq(a.owners.as_ref().unwrap(), b.owners.as_ref().unwrap()));
+        }
+    }
+
+    #[test]
+    fn answers_are_bounded_and_those_of_pictures_that_are_gone_are_let_go() {
+        let scene = scene(DVec3::ZERO, "", &around(DVec3::ZERO));
+        let mut placing = Placing::default();
+        let assemble = |placing: &mut Placing, step: i64, of: &[Observation]| {
+            let find = |id: &CameraId| of.iter().find(|seen| seen.frame.camera == *id).cloned();
+            placing.assemble(&scene, at(step), find);
+        };
+        let kept = observations_at(&scene, 0);
+        for step in 0..2 * MOST_ANSWERS as i64 {
+            assemble(&mut placing, step, &kept);
+            let n_bytes: usize = placing.answers.iter().map(Answer::n_bytes).sum();
+            assert!(placing.answers.len() <= MOST_ANSWERS && n_bytes <= MOST_ANSWER_BYTES, "{n_bytes}");
+        }
+        let n_kept = placing.answers.len();
+        assert!(n_kept > 4 * LEAST_ANSWERS, "{n_kept}");
+        // Large maps leave few answers.
+        let cells = vec![0_u16; MOST_ANSWER_BYTES / 2].into_boxed_slice();
+        let large = Arc::new(OwnerMap::new((MOST_ANSWER_BYTES as u32 / 2, 1), 1, cells, Box::default()));
+        placing.answers[n_kept - 1].owners[0] = Some(large);
+        assemble(&mut placing, 1000, &kept);
+        assert_eq!(placing.answers.len(), LEAST_ANSWERS);
+        drop(kept);
+        let seen = observations_at(&scene, 1);
+        assemble(&mut placing, 1001, &seen);
+        assert_eq!(placing.answers.len(), 1);
     }
 
     #[test]

@@ -75,6 +75,12 @@ impl OwnerMap {
         Self { width, height, side_px: side_px.max(1), of_cells, distances_m }
     }
 
+    /// Returns the bytes of its cells and distances.
+    #[must_use]
+    pub const fn n_bytes(&self) -> usize {
+        size_of_val(&*self.of_cells) + size_of_val(&*self.distances_m)
+    }
+
     /// Returns the number of cells in a row, and of rows.
     #[must_use]
     pub const fn size(&self) -> (u32, u32) {

@@ -407,6 +407,32 @@ fn gains_follow_over_ten_seconds_and_a_seek_begins_anew() {
 }
 
 #[test]
+fn an_instant_has_the_same_gains_however_many_others_are_asked_for_before_it_is_again() {
+    let scene = yard();
+    let mut exposure = Exposure::new(Arc::new(Overlap::of(&scene)));
+    let mut first = state(&scene, 0.0, &[flat(0.1, Vec3::ONE), flat(0.1, Vec3::splat(2.0)), None]);
+    exposure.even(&mut first);
+    let given = gains(&first);
+    let steps: Vec<SceneState> = (1..=40)
+        .map(|step| {
+            let brighter = flat(0.1, Vec3::splat(4.0));
+            state(&scene, 0.1 * f64::from(step), &[flat(0.1, Vec3::ONE), brighter, None])
+        })
+        .collect();
+    for step in &steps {
+        exposure.even(&mut step.clone());
+    }
+    let mut again = SceneState { n_overlapping: 0, ..first.clone() };
+    again.cameras.iter_mut().for_each(|camera| camera.gain = Vec3::ONE);
+    exposure.even(&mut again);
+    assert_eq!((gains(&again), again.n_overlapping), (given.clone(), first.n_overlapping));
+    // Another background of that instant is another question.
+    let mut other = state(&scene, 0.0, &[flat(0.1, Vec3::ONE), flat(0.1, Vec3::splat(8.0)), None]);
+    exposure.even(&mut other);
+    assert_ne!(gains(&other), given);
+}
+
+#[test]
 fn a_camera_that_joins_shows_at_once_what_it_comes_to() {
     let scene = yard();
     let mut exposure = Exposure::new(Arc::new(Overlap::of(&scene)));
