@@ -94,6 +94,9 @@ pub struct Picture {
     pub height_px: u32,
     /// Where it is seen from.
     pub viewer: Viewer,
+    /// True for a window into a larger picture, as a wall's tile is: what all windows must agree on is decided by everybody who is there,
+    /// not by those whom one of them shows.
+    pub is_window: bool,
     /// The parts, at least one.
     pub parts: Vec<Part>,
 }
@@ -108,7 +111,7 @@ impl From<View> for Picture {
             },
         };
         let parts = vec![Part { view, left_px: 0, top_px: 0 }];
-        Self { width_px: view.width_px, height_px: view.height_px, viewer, parts }
+        Self { width_px: view.width_px, height_px: view.height_px, viewer, is_window: false, parts }
     }
 }
 
@@ -216,7 +219,7 @@ impl Picture {
         let view =
             View { pose: Pose { position_in_world: eye, world_from_local }, frustum, width_px, height_px };
         view.check(limits).map_err(|fault| Fault::new("window", fault.message))?;
-        Ok(view.into())
+        Ok(Self { is_window: true, ..view.into() })
     }
 
     /// A pair for two eyes, side by side in one picture with the left eye's in its left half. The frusta are sheared, not
@@ -259,7 +262,7 @@ impl Picture {
         for part in &parts {
             check_point("eye", part.view.pose.position_in_world)?;
         }
-        Ok(Self { width_px, height_px, viewer: Viewer::At(eye), parts })
+        Ok(Self { width_px, height_px, viewer: Viewer::At(eye), is_window: false, parts })
     }
 
     /// A picture on a cylinder around the vertical through `eye`: columns are equal steps of direction, `span_rad` in all,
@@ -324,7 +327,8 @@ impl Picture {
             let pose = Pose { position_in_world: eye, world_from_local };
             Part { view: View { pose, frustum, width_px: strip_px, height_px }, left_px, top_px: 0 }
         });
-        Ok(Self { width_px, height_px, viewer: Viewer::At(eye), parts: parts.collect() })
+        let parts = parts.collect();
+        Ok(Self { width_px, height_px, viewer: Viewer::At(eye), is_window: false, parts })
     }
 
     /// Holds every part to its ranges and the whole to `limits`.

@@ -161,16 +161,20 @@ pub(super) fn plan(
     // By which source each is drawn.
     let drawn: Vec<(usize, usize)> =
         plan.billboards.iter().map(|planned| (planned.entity, planned.source)).collect();
-    // All pictures of a session agree on what opens, so they also look for whom they do not show themselves.
+    let is_wished = wished != EntityStyle::None;
     let mut looked_for = drawn.clone();
-    if session.is_some() && wished != EntityStyle::None {
+    if picture.is_window && is_wished {
+        // All windows into a picture agree on what opens, whichever of them shows whom, and by which source.
+        looked_for = (0..state.entities.len()).map(|idx| (idx, 0)).collect();
+    } else if session.is_some() && is_wished {
+        // All pictures of a session agree too, so they also look for whom they do not show themselves.
         let others = (0..state.entities.len()).filter(|idx| drawn.iter().all(|(entity, _)| entity != idx));
         looked_for.extend(others.map(|idx| (idx, 0)));
     }
     let occluders = if looked_for.is_empty() { Vec::new() } else { occluders(state, picture, &looked_for) };
     let mut alone = ViewSession::default();
     let session = session.unwrap_or(&mut alone);
-    if wished != EntityStyle::None {
+    if is_wished {
         session.advance(state, &occluders);
         let hides = |surface: SurfaceId| {
             let hiding = occluders.iter().find(|occluder| occluder.surface == surface);
@@ -194,7 +198,7 @@ pub(super) fn plan(
             format!(
                 "{} of {} entities are hidden; buildings that open: {n_opened}",
                 hidden.len(),
-                drawn.len()
+                looked_for.len()
             )
         }
     };
@@ -294,7 +298,7 @@ fn crossings(surfaces: &Surfaces, ray: &Ray, reach_m: f64) -> Vec<(SurfaceId, f6
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::plan::{View, ViewLimits};
+    use crate::plan::{Settings, View, ViewLimits};
     use glam::DVec2;
     use videofields_vision::geometry::{GroundPolygon, OrientedBox};
     use videofields_vision::segment::PixelRect;
@@ -388,6 +392,25 @@ mod tests {
         for place in [behind, behind + DVec3::Z * (0.55 * 1.8)] {
             assert!(found(&[behind], &from_eye(place)).is_empty());
         }
+    }
+
+    #[test]
+    fn windows_into_one_picture_agree_on_what_opens_whichever_shows_whom() {
+        let state = state(&[DVec3::new(3.0, 6.0, 0.0), DVec3::new(0.0, -10.0, 0.0)]);
+        let limits = ViewLimits { max_side_px: 1000, max_pixels: 1_000_000 };
+        let eye = DVec3::new(0.0, -30.0, 1.7);
+        let corners =
+            [DVec3::new(-10.5, 0.0, -1.0), DVec3::new(-0.5, 0.0, -1.0), DVec3::new(-10.5, 0.0, 5.0)];
+        let window = Picture::through_window(eye, corners, (100, 60), &limits).unwrap();
+        // None of the two is drawn in it.
+        let opened = |picture: &Picture| {
+            let mut planned = Plan::bare(&Settings::default());
+            plan(&state, picture, (EntityStyle::Billboards, None), &mut planned);
+            planned.opened.iter().map(|of| (of.surface, of.opacity, of.hides.clone())).collect::<Vec<_>>()
+        };
+        assert_eq!(opened(&window), [(WALL, OPEN_OPACITY, vec![0])]);
+        // A picture that is no window stands for itself.
+        assert!(opened(&Picture { is_window: false, ..window }).is_empty());
     }
 
     /// What one camera takes for somebody's foot, another sees metres beside it.
