@@ -63,11 +63,15 @@ impl Gatherer {
     }
 
     /// Reads `value`, which stands at `place`, noting every fault. The answer may lack the optional parts that
-    /// were faulty, and is `None` when a needed part is.
+    /// were faulty, and is `None` when a needed part is, or once there are [`MAX_FAULTS`]: whoever sends a document of faults is not read
+    /// to its end.
     pub fn read<T: DeserializeOwned>(&mut self, mut value: Value, place: &str) -> Option<T> {
         let mut removed = Vec::new();
         // Each turn takes a part out, so the loop ends.
         loop {
+            if self.faults.len() >= MAX_FAULTS {
+                return None;
+            }
             let error = match serde_path_to_error::deserialize(&value) {
                 Ok(read) => return Some(read),
                 Err(error) => error,
@@ -211,6 +215,40 @@ mod tests {
         mode: Mode,
         #[serde(default)]
         shape: Shape,
+    }
+
+    thread_local! {
+        /// Times that a [`Counted`] was read.
+        static N_READS: std::cell::Cell<usize> = const { std::cell::Cell::new(0) };
+    }
+
+    /// A document without members that counts how often it is read.
+    #[derive(Debug)]
+    struct Counted;
+
+    impl<'de> Deserialize<'de> for Counted {
+        fn deserialize<D: serde::Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+            #[derive(Deserialize)]
+            #[serde(deny_unknown_fields)]
+            struct Empty {}
+
+            N_READS.set(N_READS.get() + 1);
+            Empty::deserialize(deserializer).map(|Empty {}| Self)
+        }
+    }
+
+    #[test]
+    fn a_document_is_read_no_more_often_than_faults_are_told() {
+        let members: Map<String, Value> =
+            (0..20_000).map(|number| (format!("x{number}"), json!(1))).collect();
+        let mut gatherer = Gatherer::default();
+        assert!(gatherer.read::<Counted>(Value::Object(members.clone()), "").is_none());
+        assert_eq!(gatherer.faults().len(), MAX_FAULTS);
+        assert!(N_READS.get() <= MAX_FAULTS, "{} times", N_READS.get());
+        // Nothing of a later part of such a document is read.
+        N_READS.set(0);
+        assert!(gatherer.read::<Counted>(Value::Object(members), "/next").is_none());
+        assert_eq!(N_READS.get(), 0);
     }
 
     #[derive(Debug, Default, PartialEq, Deserialize)]
