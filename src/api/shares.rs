@@ -1,14 +1,15 @@
 //! Places that callers share fairly.
 //!
 //! Whoever asks may hold so many times as many places as are left free ([`Share`]): one caller alone never gets all of them. Callers
-//! whom nothing tells apart share without such a bound.
+//! whom nothing tells apart share without such a bound. A twelfth of the places is kept for administrators, whom no number of other
+//! users so keeps out.
 
 use super::Api;
 use super::error::Problem;
 use std::collections::HashMap;
 use std::hash::Hash;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
-use videofields_vision::access::{Full, Share};
+use videofields_vision::access::{Full, Role, Share};
 use videofields_vision::error::ErrorKind;
 
 /// Places that callers share, who are told apart by a key.
@@ -18,6 +19,8 @@ pub(super) struct Shares<K>(Arc<Inner<K>>);
 #[derive(Debug)]
 struct Inner<K> {
     share: Share,
+    /// The rule for those who are no administrators.
+    share_of_others: Share,
     taken: Mutex<Taken<K>>,
 }
 
@@ -26,6 +29,18 @@ struct Taken<K> {
     n_taken: usize,
     /// Places by caller; nobody who holds none.
     by_caller: HashMap<K, usize>,
+}
+
+/// Part of the places that is kept for administrators: one of so many.
+const RESERVED: usize = 12;
+
+/// Places that a caller may take.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Reach {
+    /// All of them.
+    All,
+    /// Those that are not kept for administrators.
+    Unreserved,
 }
 
 /// A place, which is free again once this is dropped.
@@ -47,19 +62,24 @@ impl<K: Clone + Eq + Hash> Shares<K> {
     /// Returns so many free places, of which one caller may hold up to `greed` for each that is free.
     pub(super) fn new(n_places: usize, greed: usize) -> Self {
         let taken = Mutex::new(Taken { n_taken: 0, by_caller: HashMap::new() });
-        Self(Arc::new(Inner { share: Share::new(n_places, greed), taken }))
+        let share_of_others = Share::new(n_places - n_places / RESERVED, greed);
+        Self(Arc::new(Inner { share: Share::new(n_places, greed), share_of_others, taken }))
     }
 
     /// Takes a place for a caller; none where all are taken, or the caller holds its share.
     pub(super) fn take(&self, caller: Option<K>) -> Result<Place<K>, Full> {
-        self.take_many(caller, 1)
+        self.take_many(caller, Reach::All, 1)
     }
 
-    /// Takes so many places at once.
-    pub(super) fn take_many(&self, caller: Option<K>, n: usize) -> Result<Place<K>, Full> {
+    /// Takes so many places at once, of those that the caller may take.
+    pub(super) fn take_many(&self, caller: Option<K>, reach: Reach, n: usize) -> Result<Place<K>, Full> {
         let mut taken = self.0.lock();
         let n_own = caller.as_ref().map(|caller| taken.by_caller.get(caller).copied().unwrap_or(0));
-        self.0.share.check_many(taken.n_taken, n_own, n)?;
+        let share = match reach {
+            Reach::All => &self.0.share,
+            Reach::Unreserved => &self.0.share_of_others,
+        };
+        share.check_many(taken.n_taken, n_own, n)?;
         if let Some((caller, n_own)) = caller.as_ref().zip(n_own) {
             taken.by_caller.insert(caller.clone(), n_own + n);
         }
@@ -110,7 +130,12 @@ impl Api {
         n: usize,
         what: &str,
     ) -> Result<Place<String>, Problem> {
-        places.take_many(self.identity.caller.user.clone(), n).map_err(|full| {
+        let caller = &self.identity.caller;
+        let reach = match caller.grants.role() {
+            Role::Admin => Reach::All,
+            _ => Reach::Unreserved,
+        };
+        places.take_many(caller.user.clone(), reach, n).map_err(|full| {
             let hint = match full {
                 Full::All(_) => "",
                 Full::Own(_) => ": finish some of them first",
@@ -163,6 +188,22 @@ mod tests {
         drop(held);
         let taken = shares.0.lock();
         assert!(taken.n_taken == 0 && taken.by_caller.is_empty(), "{taken:?}");
+    }
+
+    #[test]
+    fn administrators_find_room_however_many_others_there_are() {
+        let shares = Shares::new(48, 3);
+        let names = ["a", "b", "c", "d", "e", "f"];
+        let take = |caller, reach| shares.take_many(Some(caller), reach, 1);
+        let held: Vec<_> = names
+            .iter()
+            .flat_map(|name| std::iter::from_fn(|| take(*name, Reach::Unreserved).ok()))
+            .collect();
+        assert_eq!(held.len(), 44);
+        assert_eq!(take("g", Reach::Unreserved).unwrap_err(), Full::All(44));
+        let own: Vec<_> = std::iter::from_fn(|| take("admin", Reach::All).ok()).collect();
+        assert_eq!(own.len(), 3, "three for each that is left");
+        assert!(take("another", Reach::All).is_ok());
     }
 
     #[test]

@@ -92,13 +92,13 @@ impl Shared {
 async fn streams_of_pictures_are_shared_by_users() {
     let shared = Shared::new().await;
     let view = "/api/v1/scenes/plaza/view.mjpeg?width=64&height=48&rate=30";
-    shared.take_streams(view, 72, "streams are running").await;
+    shared.take_streams(view, 66, "streams are running").await;
 }
 
 #[tokio::test]
 async fn places_of_those_who_listen_to_events_are_shared_by_users() {
     let shared = Shared::new().await;
-    shared.take_streams("/api/v1/events/stream", 72, "listen to events").await;
+    shared.take_streams("/api/v1/events/stream", 66, "listen to events").await;
 }
 
 #[tokio::test]
@@ -120,7 +120,7 @@ async fn places_of_conversations_by_websocket_are_shared_by_users() {
             Err(error) => panic!("{error}"),
         }
     };
-    assert_eq!((held.len(), refused.as_u16()), (72, 503));
+    assert_eq!((held.len(), refused.as_u16()), (66, 503));
     for token in [&shared.modest, &shared.root] {
         held.push(dialled(token).await.expect("others get theirs"));
     }
