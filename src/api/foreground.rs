@@ -111,7 +111,7 @@ async fn write(door: Handle, id: String, feed: Weak<Feed>, mut changes: watch::R
         let (door, of) = (door.clone(), id.clone());
         let work = move || {
             // Asked for first: what is seen then hides at least this.
-            let privacy = door.privacy(&of);
+            let privacy = door.zones_in_force(&of);
             let seen = privacy.and_then(|privacy| Ok((door.observation(&of, At::Live)?, privacy)));
             let pieces = seen.map(|(seen, privacy)| writer.pieces(&seen, &privacy));
             (writer, pieces)
@@ -214,7 +214,7 @@ async fn refresh(
 
 /// Whether a message hides what nobody may see now.
 fn is_for_eyes((api, id): (&Api, &str), piece: &Piece) -> bool {
-    api.whole.privacy(id).is_ok_and(|now| now == piece.privacy)
+    api.whole.zones_in_force(id).is_ok_and(|now| now == piece.privacy)
 }
 
 /// Sends a message, and before it the background that it belongs to.

@@ -395,11 +395,18 @@ pub trait Door: Send + Sync {
     fn discover(&self, address: Option<&str>, credentials: Option<&str>)
     -> Result<FoundCameras, EngineError>;
 
-    /// What nobody may see of a camera's pictures.
+    /// What nobody may see of a camera's pictures, by its own zones.
     ///
     /// # Errors
     /// [`EngineError::NoCamera`].
     fn privacy(&self, camera: &str) -> Result<Arc<Privacy>, EngineError>;
+
+    /// Zones in force for a camera's pictures: its own, and those of cameras that are fed by the same. What was made under others
+    /// goes to nobody.
+    ///
+    /// # Errors
+    /// [`EngineError::NoCamera`]; [`EngineError::Forbidden`] for all but admins, since others' zones are not everybody's to know.
+    fn zones_in_force(&self, camera: &str) -> Result<Arc<Privacy>, EngineError>;
 
     /// What is hidden of what a camera saw at a time, in the texture: of now where it is live, of all that ever was in force
     /// at the earliest of times. Whoever knows of the camera sees it in its pictures.

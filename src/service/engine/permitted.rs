@@ -320,6 +320,12 @@ impl Door for Permitted {
         self.shared.privacy(camera)
     }
 
+    fn zones_in_force(&self, camera: &str) -> Result<Arc<Privacy>, EngineError> {
+        self.check(camera, Right::Manage)?;
+        self.check_role(Role::Admin, "asking for all zones in force")?;
+        self.shared.zones_in_force(camera)
+    }
+
     fn hidden(&self, camera: &str, at: At) -> Result<Vec<Vec<[f64; 2]>>, EngineError> {
         if !self.grants.knows(camera) {
             return Err(EngineError::NoCamera { id: camera.to_owned() });

@@ -552,6 +552,10 @@ impl Door for FakeDoor {
         Self::has_camera(camera).map(|()| Arc::default())
     }
 
+    fn zones_in_force(&self, camera: &str) -> Result<Arc<Privacy>, EngineError> {
+        self.privacy(camera)
+    }
+
     fn hidden(&self, camera: &str, _at: At) -> Result<Vec<Vec<[f64; 2]>>, EngineError> {
         Self::has_camera(camera).map(|()| Vec::new())
     }

@@ -157,6 +157,27 @@ fn a_stream_of_what_moves_goes_on_with_a_background_that_hides() {
     stop.send(()).unwrap();
 }
 
+#[test]
+fn a_stream_of_what_moves_hides_what_is_hidden_of_another_camera_that_shows_the_same() {
+    let folder = TempDir::new().unwrap();
+    let file = pictures(folder.path(), "north", 0..20);
+    let cameras = ["north", "south"].map(|id| camera(id, &file, End::Stop));
+    let house = House::of(folder.path(), cameras.to_vec());
+    let (address, stop) = serve(&house.bench.runtime, house.router.clone());
+    let token = &house.tokens.iter().find(|(name, _)| *name == "root").unwrap().1;
+    let fields = [("authorization", format!("Bearer {token}"))];
+    let open = async || dial(address, "/api/v1/cameras/south/foreground", &fields).await.unwrap();
+    let is_grey = |luma: &[u8]| luma.iter().all(|code| code.abs_diff(luma[0]) <= 2);
+    let runtime = &house.bench.runtime;
+    let mut before = runtime.block_on(open());
+    assert!(!is_grey(&runtime.block_on(background(&mut before))));
+    hide(&house, ("if-none-match", "*"));
+    let mut after = runtime.block_on(open());
+    assert!(is_grey(&runtime.block_on(background(&mut after))), "whoever comes then");
+    assert!(is_grey(&runtime.block_on(background(&mut before))), "who was there already");
+    stop.send(()).unwrap();
+}
+
 /// The targets of all lines of the audit log about a route.
 fn noted(house: &House, action: &str) -> Vec<String> {
     let audit = house.get("root", "/api/v1/audit?limit=1000").body;

@@ -258,6 +258,10 @@ impl Door for Shared {
         Ok(self.privacies.of(camera)?.own())
     }
 
+    fn zones_in_force(&self, camera: &str) -> Result<Arc<Privacy>, EngineError> {
+        Ok(self.privacies.of(camera)?.now())
+    }
+
     fn hidden(&self, camera: &str, at: At) -> Result<Vec<Vec<[f64; 2]>>, EngineError> {
         let at = if let At::Time(at) = at { at } else { Timestamp::from_nanos(i64::MAX) };
         Ok(self.privacies.of(camera)?.now().at(at).map(|zone| zone.polygon.clone()).collect())
