@@ -339,11 +339,18 @@ impl Door for Permitted {
     }
 
     fn check_privacy_change(&self, camera: &str) -> Result<(), EngineError> {
-        self.check_change(camera)
+        self.check_change(camera)?;
+        // A zone takes from memory and recordings of all that are fed by the same. Which these are, and whether they are there, is
+        // said to nobody.
+        let is_own = |other: &CameraId| self.grants.has(other.as_str(), Right::Manage);
+        if self.shared.privacies.sharing(camera).iter().all(is_own) {
+            return Ok(());
+        }
+        self.check_role(Role::Admin, &format!("changing what is hidden of camera {camera}"))
     }
 
     fn hold_privacy(&self, camera: &str, privacy: Privacy) -> Result<(), EngineError> {
-        self.check_change(camera)?;
+        self.check_privacy_change(camera)?;
         self.shared.hold_privacy(camera, privacy)
     }
 

@@ -12,6 +12,8 @@ use videofields_vision::frame::Zone;
 
 const OFFER: [Right; 3] = [Right::Live, Right::History, Right::Manage];
 
+const EACH: [&str; 2] = ["north", "south"];
+
 fn operator(bench: &Bench) -> Handle {
     bench.handle.within(grants(Role::Operator, &[], &[("north", &OFFER), ("south", &OFFER)]))
 }
@@ -128,5 +130,49 @@ fn zones_hold_wherever_the_same_footage_is_shown() {
     door.hold_privacy("north", Privacy::default()).unwrap();
     until("north", false);
     until("other", false);
+    bench.stop();
+}
+
+#[test]
+fn who_may_not_manage_all_that_show_the_same_hides_nothing_of_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let own = pictures(folder.path(), "north", 0..6);
+    let other = pictures(folder.path(), "other", 0..6);
+    let cameras = [("north", &own), ("south", &own), ("gate", &other)];
+    let camera = cameras.map(|(id, path)| camera(id, path, End::Loop)).to_vec();
+    let bench = Bench::start(folder.path(), Settings { camera, ..Settings::default() }, &[]);
+    for id in ["north", "south", "gate"] {
+        bench.wait_for_state(id, "live");
+    }
+    let held = || Privacy { zones: vec![garden()].into(), version: 1, ..Privacy::default() };
+    let within = |cameras: &[(&str, &[Right])]| bench.handle.within(grants(Role::Operator, &[], cameras));
+    let seeing: [Right; 3] = [Right::Live, Right::History, Right::Export];
+    // Which cameras these are is not said, nor whether the caller knows of them.
+    let told = |cameras: &[(&str, &[Right])]| {
+        let operator = within(cameras);
+        let checked = operator.check_privacy_change("north").unwrap_err();
+        let refused = operator.hold_privacy("north", held()).unwrap_err();
+        assert!(matches!(&checked, EngineError::Forbidden(_)) && checked.to_string() == refused.to_string());
+        refused.to_string()
+    };
+    let refused = told(&[("north", &OFFER)]);
+    assert_eq!(refused, "changing what is hidden of camera north is for admin and above");
+    assert_eq!(told(&[("north", &OFFER), ("south", &seeing)]), refused);
+    assert!(matches!(within(&[]).check_privacy_change("north"), Err(EngineError::NoCamera { .. })));
+    for id in EACH {
+        assert!(!is_hidden(&bench, id), "{id}");
+        assert!(bench.handle.hidden(id, At::Live).unwrap().is_empty(), "{id}");
+    }
+    within(&[("gate", &OFFER)]).hold_privacy("gate", held()).unwrap();
+    assert!(is_hidden(&bench, "gate"));
+    // Who may manage both does as an administrator, who is asked for no rights.
+    within(&[("north", &OFFER), ("south", &OFFER)]).hold_privacy("north", held()).unwrap();
+    assert!(EACH.iter().all(|id| is_hidden(&bench, id)));
+    let lifted = within(&[("north", &OFFER)]).hold_privacy("north", Privacy::default());
+    assert!(matches!(lifted, Err(EngineError::Forbidden(_))));
+    assert_eq!(bench.handle.hidden("south", At::Live).unwrap().len(), 1);
+    let admin = bench.handle.within(grants(Role::Admin, &[], &[]));
+    admin.hold_privacy("north", Privacy::default()).unwrap();
+    assert!(bench.handle.hidden("south", At::Live).unwrap().is_empty());
     bench.stop();
 }
