@@ -270,10 +270,17 @@ impl Door for Permitted {
 
     fn check_feed(&self, camera: &str, feed: &FeedSettings) -> Result<(), EngineError> {
         self.check_change(camera)?;
-        if feed.source.has_place_of(&self.shared.feed(camera)?.source) {
-            return Ok(());
+        let before = self.shared.feed(camera)?;
+        if !feed.source.shows_as(&before.source) {
+            self.check_role(Role::Admin, "naming what feeds a camera, and when that was seen,")?;
         }
-        self.check_role(Role::Admin, "naming what feeds a camera")
+        if feed.clock != before.clock && !feed.clock.is_usual(self.shared.clock.now()) {
+            self.check_role(
+                Role::Admin,
+                "setting a camera's clock by more than a day, or a drift beyond a thousandth,",
+            )?;
+        }
+        Ok(())
     }
 
     fn set_feed(&self, camera: &str, feed: FeedSettings) -> Result<FeedSettings, EngineError> {

@@ -12,6 +12,12 @@ const MAX_OFFSET_SECS: f64 = 3.2e9;
 /// Fastest that a camera's clock may drift, parts per million: a minute in 17.
 const MAX_DRIFT_PPM: f64 = 1e6 / 17.0;
 
+/// Furthest that a clock is off which was set wrong, time zones included, seconds.
+const USUAL_OFFSET_SECS: f64 = 86_400.0;
+
+/// Fastest that a clock drifts which is not broken, parts per million.
+const USUAL_DRIFT_PPM: f64 = 1000.0;
+
 /// What is wrong with a camera's clock: where it says `t`, scene time is `t + offset + drift * (t - since)`.
 ///
 /// Of a file without a `start` this moves it against the others that begin with the daemon: it begins later, or what lies
@@ -37,6 +43,15 @@ impl ClockSettings {
         // A cast from float saturates. Offset and drift apart, so that a large one costs the other no digits.
         let drift_nanos = (passed_nanos * self.drift_ppm * 1e-6).round() as i64;
         time.saturating_add_nanos(self.offset_nanos()).saturating_add_nanos(drift_nanos)
+    }
+
+    /// Returns true where these mend what clocks do: at the camera's own time `now` scene time is within a day of it, and drifts by a
+    /// thousandth at most.
+    #[must_use]
+    pub fn is_usual(&self, now: Timestamp) -> bool {
+        let off_secs = self.scene_time(now, now).nanos_since(now) as f64 * 1e-9;
+        let is_near = |secs: f64| secs.abs() <= USUAL_OFFSET_SECS;
+        is_near(self.offset_secs) && is_near(off_secs) && self.drift_ppm.abs() <= USUAL_DRIFT_PPM
     }
 
     /// The settings that bring into step a camera which these leave ahead by `ahead_secs` at the scene time `now`, and which
@@ -89,6 +104,26 @@ pub(super) fn check(clock: &ClockSettings, source: &SourceSettings, place: &str,
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_clock_that_is_more_than_a_day_off_is_not_usual() {
+        let now = Timestamp::from_nanos(1_790_000_000_000_000_000);
+        let clock = |offset_secs, drift_ppm, since| ClockSettings { offset_secs, drift_ppm, since };
+        for (usual, expected) in [
+            (clock(0.0, 0.0, None), true),
+            (clock(86_400.0, 0.0, None), true),
+            (clock(-86_401.0, 0.0, None), false),
+            (clock(2.4e9, 0.0, None), false),
+            (clock(0.0, 1000.0, None), true),
+            (clock(0.0, 1001.0, None), false),
+            (clock(0.0, -1000.0, Some(now.saturating_add_nanos(-86_400_000_000_000))), true),
+            // A thousandth of half a century.
+            (clock(0.0, 1000.0, Some(Timestamp::from_nanos(0))), false),
+            (clock(0.0, f64::NAN, None), false),
+        ] {
+            assert_eq!(usual.is_usual(now), expected, "{usual:?}");
+        }
+    }
 
     #[test]
     fn time_is_moved_and_stretched_to_the_nanosecond() {

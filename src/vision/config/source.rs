@@ -107,16 +107,20 @@ impl SourceSettings {
         Self { path: Some(path.into()), ..Self::default() }
     }
 
-    /// Returns true where `other` names the same file, camera or device, and the same login.
+    /// Returns true where `other` shows the same at the same times: all but how it is transported, in which size and form a device
+    /// gives it, how long it may stall, and what follows a file's last frame.
     #[must_use]
-    pub fn has_place_of(&self, other: &Self) -> bool {
-        let named = |of: &Self| {
-            let place = (of.path.clone(), of.url.clone(), of.device.clone());
-            let login =
-                (of.user.clone(), of.password_file.clone(), of.password_env.clone(), of.credentials.clone());
-            (place, login)
+    pub fn shows_as(&self, other: &Self) -> bool {
+        let alike = Self {
+            end: self.end,
+            transport: self.transport,
+            stall_secs: self.stall_secs,
+            width_px: self.width_px,
+            height_px: self.height_px,
+            format: self.format,
+            ..other.clone()
         };
-        named(self) == named(other)
+        alike == *self
     }
 
     /// The one place that is named; `None` where there are none or several, which validation refuses.

@@ -31,6 +31,14 @@ fn who_may_manage_a_camera_may_not_name_what_feeds_it() {
         json!({"path": folder.path().join("test.sqlite")}),
         json!({"path": null, "url": "rtsp://127.0.0.1:22/", "from_secs": null, "end": null, "pace": null, "start": null, "rate_hz": null}),
         json!({"path": null, "device": "/dev/video0", "from_secs": null, "end": null, "pace": null, "start": null}),
+        // When it was seen is part of it: recordings lie there by that time.
+        json!({"start": "2100-01-01T00:00:00Z"}),
+        json!({"start": null}),
+        json!({"pace": "all", "end": "stop"}),
+        json!({"timing": "index"}),
+        json!({"rate_hz": 0.01}),
+        json!({"from_secs": 0.02}),
+        json!({"until_secs": 0.1}),
     ] {
         let asked = json!({"source": source});
         for refused in [operator.preview_feed("north", &asked), operator.change_feed("north", &asked)] {
@@ -43,11 +51,32 @@ fn who_may_manage_a_camera_may_not_name_what_feeds_it() {
     assert!(matches!(operator.set_feed("north", elsewhere.clone()), Err(EngineError::Forbidden(_))));
     assert!(matches!(operator.check_feed("gate", &before), Err(EngineError::NoCamera { .. })));
     assert_eq!(admin.feed("north").unwrap(), before);
-    // All else of it is the operator's.
-    for asked in [json!({"enabled": false}), json!({"enabled": true, "source": {"end": "stop", "path": own}})]
-    {
+    for clock in [
+        json!({"offset_secs": 2.4e9}),
+        json!({"offset_secs": -100_000}),
+        json!({"drift_ppm": 2000}),
+        json!({"drift_ppm": 1000, "since": "1970-01-01T00:00:00Z"}),
+    ] {
+        let refused = operator.change_feed("north", &json!({"clock": clock})).unwrap_err();
+        assert!(
+            matches!(&refused, EngineError::Forbidden(why) if why.contains("admin")),
+            "{clock}: {refused}"
+        );
+        assert_eq!(admin.feed("north").unwrap(), before);
+    }
+    // All else of it is the operator's; a clock that an admin set so stays.
+    for asked in [
+        json!({"enabled": false}),
+        json!({"enabled": true, "source": {"end": "stop", "path": own}}),
+        json!({"clock": {"offset_secs": -3600, "drift_ppm": 40}}),
+        json!({"clock": {"offset_secs": 0, "drift_ppm": 0}}),
+    ] {
         operator.change_feed("north", &asked).unwrap();
     }
+    let odd = json!({"clock": {"offset_secs": 2.4e9}});
+    admin.change_feed("north", &odd).unwrap();
+    operator.change_feed("north", &json!({"enabled": true, "source": {"end": "loop"}})).unwrap();
+    assert_eq!(admin.feed("north").unwrap().clock.offset_secs, 2.4e9);
     assert_eq!(admin.set_feed("north", elsewhere.clone()).unwrap(), elsewhere);
     bench.stop();
 }
