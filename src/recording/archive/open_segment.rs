@@ -33,11 +33,12 @@ pub(super) struct OpenSegment {
 }
 
 impl OpenSegment {
-    /// Makes the file of a segment that begins with `frame`; none where there is such a file.
+    /// Makes the file of a segment that begins with `frame`, at `now` by the machine's clock; none where there is such a file.
     pub(super) fn begin(
         folder: &Folder,
         name: &SegmentName,
         frame: &EncodedFrame,
+        now: Timestamp,
     ) -> Result<Option<Self>, ArchiveError> {
         // First, because it leaves nothing behind when it fails.
         let muxer = Muxer::start(&frame.format).map_err(|fault| ArchiveError::unwritable(&fault))?;
@@ -52,6 +53,7 @@ impl OpenSegment {
             path: name.to_string(),
             first_at: name.first_at,
             last_at: name.first_at,
+            written_at: now,
             n_frames: 0,
             n_bytes: 0,
             header_bytes: 0,

@@ -1,4 +1,4 @@
-//! What goes when there is too much: the oldest over all cameras, never what is being written.
+//! What goes when there is too much: what was written first over all cameras, never what is being written.
 //!
 //! In three steps: the row is marked (and the mark is on the disk), the file removed, the row removed. A crash between
 //! two of them leaves work to do, which is done at the next start, and no row that lies.
@@ -12,7 +12,9 @@ use crate::telemetry::RemovalReason;
 /// Most segments that go at once for their age: there is no hurry, and frames wait meanwhile.
 const MAX_AGED: u32 = 16;
 
-/// Removes what is older than `archive.max_age_days`, and the oldest until `more` bytes fit within `archive.max_gib`.
+/// Removes what is older than `archive.max_age_days`, and what was written first until `more` bytes fit within `archive.max_gib`.
+/// By scene time alone nothing makes room: one camera's source or clock would push out what all others recorded. What is of a
+/// time to come is as old as its file.
 ///
 /// # Errors
 /// When a file cannot be removed, the database fails, or nothing is left that may go.
@@ -22,17 +24,19 @@ pub(super) fn make_room(shared: &Shared, folder: &Folder, more: u64) -> Result<(
     let mut n_aged = 0;
     loop {
         let bytes = shared.kept_bytes().saturating_add(more);
-        let is_full = bytes > max_bytes;
-        let oldest = shared.runtime.block_on(shared.store.oldest_segment())?;
-        let is_old = |record: &SegmentRecord| shared.clock.now().nanos_since(record.last_at) > max_age_nanos;
-        let reason = match &oldest {
-            Some(_) if is_full => RemovalReason::Bytes,
-            Some(record) if n_aged < MAX_AGED && is_old(record) => RemovalReason::Age,
-            None if is_full => return Err(ArchiveError::NoRoom { bytes, max_bytes }),
-            _ => return Ok(()),
+        let (record, reason) = if bytes > max_bytes {
+            let first = shared.runtime.block_on(shared.store.oldest_segment())?;
+            (first.ok_or(ArchiveError::NoRoom { bytes, max_bytes })?, RemovalReason::Bytes)
+        } else if n_aged < MAX_AGED {
+            let before = shared.clock.now().saturating_add_nanos(max_age_nanos.saturating_neg());
+            let Some(aged) = shared.runtime.block_on(shared.store.aged_segment(before))? else {
+                return Ok(());
+            };
+            n_aged += 1;
+            (aged, RemovalReason::Age)
+        } else {
+            return Ok(());
         };
-        let Some(record) = oldest else { return Ok(()) };
-        n_aged += u32::from(reason == RemovalReason::Age);
         if shared.runtime.block_on(shared.store.mark_segment_deleting(record.id))? {
             remove(shared, folder, &record)?;
             shared.metrics.count_removed(reason);

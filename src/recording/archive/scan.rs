@@ -5,7 +5,7 @@ use super::matroska::{Block, Header, Walker};
 use crate::store::{SegmentRecord, SegmentState};
 use std::fs::File;
 use std::io;
-use std::os::unix::fs::FileExt;
+use std::os::unix::fs::{FileExt, MetadataExt};
 use std::sync::atomic::{AtomicBool, Ordering};
 use videofields_vision::clock::Timestamp;
 
@@ -90,6 +90,7 @@ pub(super) fn adopt(
         path: name.to_string(),
         first_at: name.first_at,
         last_at: name.first_at,
+        written_at: written_last(file)?,
         n_frames: 0,
         n_bytes: 0,
         header_bytes,
@@ -100,6 +101,14 @@ pub(super) fn adopt(
     };
     progress.write_to(&mut record);
     Ok(Some(record))
+}
+
+/// Returns when a file was written last, by the machine's clock then.
+fn written_last(file: &File) -> io::Result<Timestamp> {
+    let metadata = file.metadata()?;
+    Ok(Timestamp::from_nanos(
+        metadata.mtime().saturating_mul(1_000_000_000).saturating_add(metadata.mtime_nsec()),
+    ))
 }
 
 /// Reads on behind what a row says, from its last key frame on, and makes it say the whole blocks of the file; from
@@ -207,6 +216,8 @@ mod tests {
         file.write_all(&bytes).unwrap();
         for end in 0..bytes.len() {
             let Some(mut record) = adopted(&bytes[..end]) else { continue };
+            // Another file each time, and so written at another.
+            record.written_at = expected.written_at;
             assert!(read_on(&mut record, &file, &GO).unwrap());
             assert_eq!(record, expected, "{end}");
         }

@@ -400,6 +400,37 @@ async fn what_is_too_old_goes_within_a_minute() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
+async fn times_to_come_push_out_nothing_and_grow_old_like_all_else() {
+    let mut stage = Stage::new().await;
+    let frames = frames("jpegenc", 60);
+    let far = 4_102_444_800 * SECOND;
+    for start in [far, far + 10 * SECOND] {
+        stage.record(start, &frames).await;
+    }
+    let n_bytes: u64 = stage.rows().await.iter().map(|row| row.n_bytes).sum();
+    // Three of them, and not four.
+    stage.settings.max_gib = n_bytes as f64 * 1.8 / f64::from(1 << 30);
+    for start in [0, 10 * SECOND] {
+        stage.clock.advance(Duration::from_secs(60));
+        stage.record(start, &frames).await;
+    }
+    let starts = async || stage.rows().await.iter().map(|row| row.first_at.as_nanos()).collect::<Vec<_>>();
+    assert_eq!(starts().await, [0, 10 * SECOND, far + 10 * SECOND], "what was written first");
+
+    stage.settings.max_age_days = 0.5;
+    stage.clock.advance(Duration::from_secs(43_200));
+    let archive = stage.archive().await;
+    for _ in 0..500 {
+        if stage.rows().await.is_empty() {
+            break;
+        }
+        tokio::time::sleep(Duration::from_millis(10)).await;
+    }
+    assert_eq!(stage.rows().await, []);
+    archive.stop();
+}
+
+#[tokio::test(flavor = "multi_thread")]
 async fn removals_that_were_broken_off_are_finished_and_nothing_else_goes() {
     let stage = Stage::new().await;
     let frames = h264(20);
@@ -436,7 +467,8 @@ async fn files_and_rows_find_each_other_again() {
         stage.record(start * SECOND, &frames).await;
     }
     let rows = stage.rows().await;
-    let plain = |row: &SegmentRecord| SegmentRecord { id: 0, ..row.clone() };
+    // Of a file alone it is known when it was written last.
+    let plain = |row: &SegmentRecord| SegmentRecord { id: 0, written_at: at(0), ..row.clone() };
     let expected: Vec<_> = rows.iter().map(plain).collect();
 
     // A new database: every file is adopted, but for one that cannot be read.

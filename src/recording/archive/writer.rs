@@ -184,7 +184,7 @@ impl Writer {
         }
         let name = SegmentName { camera: camera.clone(), first_at: at };
         self.shared.note_young(&name);
-        let Some(mut open) = OpenSegment::begin(&folder, &name, frame)? else {
+        let Some(mut open) = OpenSegment::begin(&folder, &name, frame, self.shared.clock.now())? else {
             recording.boundaries.bar(at, at);
             lane.count_dropped(RecordingDrop::Overlap);
             return Ok(());

@@ -7,7 +7,7 @@ use sqlx::migrate::{Migration, MigrationType, Migrator};
 type Step = (i64, &'static str, &'static str);
 
 /// Never edited or reordered once released: their digests are kept in the database.
-const STEPS: [Step; 18] = [
+const STEPS: [Step; 19] = [
     (1, "create_scene", include_str!("../../../migrations/0001_create_scene.sql")),
     (2, "create_background", include_str!("../../../migrations/0002_create_background.sql")),
     (3, "create_texture_map", include_str!("../../../migrations/0003_create_texture_map.sql")),
@@ -26,6 +26,7 @@ const STEPS: [Step; 18] = [
     (16, "create_entity", include_str!("../../../migrations/0016_create_entity.sql")),
     (17, "alter_snapshot", include_str!("../../../migrations/0017_alter_snapshot.sql")),
     (18, "create_audit_signature", include_str!("../../../migrations/0018_create_audit_signature.sql")),
+    (19, "alter_segment", include_str!("../../../migrations/0019_alter_segment.sql")),
 ];
 
 /// The newest schema that this release knows.

@@ -36,6 +36,8 @@ pub struct SegmentRecord {
     pub first_at: Timestamp,
     /// Scene time of the newest frame.
     pub last_at: Timestamp,
+    /// When the file was begun, by the machine's clock; of one that was found without a row, when it was written last.
+    pub written_at: Timestamp,
     /// Frames.
     pub n_frames: u64,
     /// Bytes of the file that are whole and on the disk.
@@ -89,6 +91,7 @@ impl<'r> FromRow<'r, SqliteRow> for SegmentRecord {
             path: row.try_get("path")?,
             first_at: Timestamp::from_nanos(row.try_get("first_at")?),
             last_at: Timestamp::from_nanos(row.try_get("last_at")?),
+            written_at: Timestamp::from_nanos(row.try_get("written_at")?),
             n_frames: count("n_frames")?,
             n_bytes: count("n_bytes")?,
             header_bytes: count("header_bytes")?,
@@ -101,14 +104,14 @@ impl<'r> FromRow<'r, SqliteRow> for SegmentRecord {
 }
 
 /// Every column but the keys, which are read where they are needed.
-const WITHOUT_KEYS: &str = "id, camera, path, first_at, last_at, n_frames, n_bytes, header_bytes, codec, width, height, \
-                            state, x'' as keys";
+const WITHOUT_KEYS: &str = "id, camera, path, first_at, last_at, written_at, n_frames, n_bytes, header_bytes, codec, width, \
+                            height, state, x'' as keys";
 
 /// What can be read: the state of a row's file says that it is there.
 const READABLE: &str = "state in ('open', 'closed')";
 
 impl Store {
-    /// Writes a segment's row, in place of the one of the same path if there is one, and answers its id.
+    /// Writes a segment's row, in place of the one of the same path if there is one, and answers its id. When that was written stays.
     ///
     /// # Errors
     /// When the keys are too large or the database fails.
@@ -117,9 +120,9 @@ impl Store {
         let number = |n: u64| i64::try_from(n).unwrap_or(i64::MAX);
         // All rows, though there is one: whoever takes the first and leaves is not told that its commit failed.
         let ids: Result<Vec<i64>, sqlx::Error> = sqlx::query_scalar(
-            "insert into segment (camera, path, first_at, last_at, n_frames, n_bytes, header_bytes, codec, width, height,
-                                  state, keys)
-             values (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)
+            "insert into segment (camera, path, first_at, last_at, written_at, n_frames, n_bytes, header_bytes, codec, width,
+                                  height, state, keys)
+             values (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)
              on conflict (path) do update set
                  first_at = excluded.first_at, last_at = excluded.last_at, n_frames = excluded.n_frames,
                  n_bytes = excluded.n_bytes, header_bytes = excluded.header_bytes, codec = excluded.codec,
@@ -130,6 +133,7 @@ impl Store {
         .bind(&record.path)
         .bind(record.first_at.as_nanos())
         .bind(record.last_at.as_nanos())
+        .bind(record.written_at.as_nanos())
         .bind(number(record.n_frames))
         .bind(number(record.n_bytes))
         .bind(number(record.header_bytes))
@@ -282,14 +286,32 @@ impl Store {
             .map_err(|error| self.classify(error))
     }
 
-    /// The closed segment of all cameras whose newest frame is the oldest, without its keys.
+    /// The closed segment of all cameras that was written first, without its keys: scene time is what a camera says.
     ///
     /// # Errors
     /// When the database fails.
     pub async fn oldest_segment(&self) -> Result<Option<SegmentRecord>, StoreError> {
-        let text =
-            format!("select {WITHOUT_KEYS} from segment where state = 'closed' order by last_at, id limit 1");
+        let text = format!(
+            "select {WITHOUT_KEYS} from segment where state = 'closed' order by written_at, id limit 1"
+        );
         sqlx::query_as(sqlx::AssertSqlSafe(text))
+            .fetch_optional(&self.cache)
+            .await
+            .map_err(|error| self.classify(error))
+    }
+
+    /// The oldest of the closed segments of all cameras whose newest frame is of before `before`, or which were written before it;
+    /// without its keys.
+    ///
+    /// # Errors
+    /// When the database fails.
+    pub async fn aged_segment(&self, before: Timestamp) -> Result<Option<SegmentRecord>, StoreError> {
+        let text = format!(
+            "select {WITHOUT_KEYS} from segment where state = 'closed' and min(last_at, written_at) < ?
+             order by min(last_at, written_at), id limit 1"
+        );
+        sqlx::query_as(sqlx::AssertSqlSafe(text))
+            .bind(before.as_nanos())
             .fetch_optional(&self.cache)
             .await
             .map_err(|error| self.classify(error))
@@ -339,6 +361,7 @@ mod tests {
             path: "gate/1970-01-01/000001.000000000Z.mkv".to_owned(),
             first_at: Timestamp::from_nanos(1_000_000_000),
             last_at: Timestamp::from_nanos(2_000_000_000),
+            written_at: Timestamp::from_nanos(3_000_000_000),
             n_frames: 10,
             n_bytes: 1000,
             header_bytes: 100,

@@ -152,6 +152,9 @@ async fn make_older(path: &Path) {
             }
         }
     }
+    // And the one table of then that has another column.
+    undo += "drop index segment_by_age; drop index segment_by_writing; alter table segment drop column written_at;
+             create index segment_by_age on segment (last_at);";
     tamper(path, &undo).await;
 }
 
