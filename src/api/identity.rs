@@ -54,7 +54,7 @@ impl Identity {
 
     /// Whoever shows nothing where there are users.
     fn stranger() -> Self {
-        let caller = Caller { user: None, grants: Arc::new(Grants::nothing()), csrf_token: None };
+        let caller = Caller { grants: Arc::new(Grants::nothing()), ..Accounts::everybody() };
         Self { caller, credential: None }
     }
 

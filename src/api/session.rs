@@ -65,7 +65,7 @@ pub(super) async fn show(Asked(api): Asked, RawQuery(raw): RawQuery) -> Result<R
 }
 
 fn document(api: &Api) -> Value {
-    let Caller { user, grants, csrf_token } = &api.identity.caller;
+    let Caller { user, grants, csrf_token, .. } = &api.identity.caller;
     let role = (user.is_some() || grants.is_everything()).then(|| grants.role());
     json!({ "user": user, "role": role, "csrf_token": csrf_token, "name_ending": api.name_ending() })
 }

@@ -340,7 +340,8 @@ pub(super) async fn change(
         let found = api.accounts.as_ref().and_then(|accounts| accounts.user(user).ok());
         found.is_some_and(|user| user.role >= Role::Admin)
     };
-    let changed = reader.annotate(&id, condition, Annotated { note, tags, hold }, is_admin).await?;
+    let admins = (is_admin, api.identity.caller.since);
+    let changed = reader.annotate(&id, condition, Annotated { note, tags, hold }, admins).await?;
     let tag = (header::ETAG, etag(changed.annotation.version));
     let is_asked = changed.annotation.asks_lift;
     let status = if is_asked { StatusCode::ACCEPTED } else { StatusCode::OK };

@@ -176,6 +176,7 @@ impl User {
     }
 
     pub(super) fn caller(&self, csrf_token: Option<String>) -> Caller {
-        Caller { user: Some(self.record.id.clone()), grants: Arc::clone(&self.grants), csrf_token }
+        let (user, grants) = (Some(self.record.id.clone()), Arc::clone(&self.grants));
+        Caller { user, grants, csrf_token, since: self.record.updated_at }
     }
 }

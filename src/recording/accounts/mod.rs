@@ -57,6 +57,9 @@ pub struct Caller {
     pub grants: Arc<Grants>,
     /// What a page that logged in must send with every change, beside its cookie; none for others.
     pub csrf_token: Option<String>,
+    /// Instant since which the account is as it is, with its role and password, and there is the token that the caller shows, by the
+    /// machine's clock; of everybody, ever. A session takes the password, and counts as that.
+    pub since: Timestamp,
 }
 
 /// A page that logged in.
@@ -171,7 +174,8 @@ impl Accounts {
     /// Everybody, while there are no users.
     #[must_use]
     pub fn everybody() -> Caller {
-        Caller { user: None, grants: Arc::new(Grants::everything()), csrf_token: None }
+        let since = Timestamp::from_nanos(i64::MIN);
+        Caller { user: None, grants: Arc::new(Grants::everything()), csrf_token: None, since }
     }
 
     /// Whose token that is, if it is anybody's and has not expired.
@@ -182,7 +186,8 @@ impl Accounts {
         let token = book.tokens.get(id).filter(|token| token.digest == secret::digest(secret))?;
         let is_over = token.expires_at.is_some_and(|at| at <= self.clock.now());
         let user = book.users.get(&token.user).filter(|_| !is_over)?;
-        Some(user.caller(None))
+        let caller = user.caller(None);
+        Some(Caller { since: caller.since.max(token.created_at), ..caller })
     }
 
     /// Whose session that is, if it is anybody's and not over.

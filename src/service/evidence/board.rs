@@ -13,12 +13,17 @@ use std::sync::Arc;
 use videofields_recording::store::{LiftRequest, SnapshotAnnotation, SnapshotRecord, SnapshotSearch};
 use videofields_recording::telemetry::SnapshotRemoval;
 use videofields_vision::access::{Grants, Right, Role};
+use videofields_vision::clock::Timestamp;
 use videofields_vision::config::check_annotation;
 use videofields_vision::error::Gatherer;
 use videofields_vision::frame::is_id;
 
 /// Versions of what is said of a snapshot after which admins alone go on: each is kept.
 const MAX_VERSIONS: i64 = 200;
+
+/// Refusal of a confirmation by an account, or by a token, that the first admin may have made for it.
+const YOUNGER: &str = "your account or your token was made or changed after lifting the hold was asked for: an admin whose account and \
+                       token are older confirms, or the request is taken back (hold: true) and made anew";
 
 /// What is to be said of a snapshot from now on; what is none stays.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -149,10 +154,12 @@ impl Reader<'_> {
 
     /// Says something else of a snapshot; the sealed record stays as it is. The newest of what is said of it. Where two admins
     /// lift a hold, the first one's `hold` of false is a request that stands in the answer's `lift`; the second one's lifts it,
-    /// if `is_admin` of the first still. An admin's `hold` of true takes a request back.
+    /// if `is_admin` of the first still, and if the second's account and what it shows are as they are `since` before the
+    /// request: the first could have made them. An admin's `hold` of true takes a request back.
     ///
     /// # Errors
-    /// Errors of [`Self::one`]; [`EvidenceError::Forbidden`] for viewers, and for all but admins where a hold is to be lifted;
+    /// Errors of [`Self::one`]; [`EvidenceError::Forbidden`] for viewers, for all but admins where a hold is to be lifted, and for
+    /// who confirms by what is younger than the request;
     /// [`EvidenceError::Faults`]; [`EvidenceError::Full`] where the caller holds as much as may be;
     /// [`EvidenceError::AskedAlready`]; [`EvidenceError::Changed`] where `condition` does not hold.
     pub async fn annotate(
@@ -160,7 +167,7 @@ impl Reader<'_> {
         id: &str,
         condition: Condition,
         said: Annotated,
-        is_admin: impl Fn(&str) -> bool,
+        admins: (impl Fn(&str) -> bool, Timestamp),
     ) -> Result<SnapshotRecord, EvidenceError> {
         // Room is counted, so one after the other.
         let _turn = match said.hold {
@@ -186,7 +193,7 @@ impl Reader<'_> {
                 "as much was said of the snapshot as is kept: admins alone go on",
             ));
         }
-        let mut changed = self.held(&record, said.hold, is_admin).await?;
+        let mut changed = self.held(&record, said.hold, admins).await?;
         changed.annotation.version += 1;
         changed.annotation.at = self.snapshots.clock.now();
         changed.annotation.by = self.user.map(str::to_owned);
@@ -204,7 +211,7 @@ impl Reader<'_> {
         &self,
         record: &SnapshotRecord,
         hold: Option<bool>,
-        is_admin: impl Fn(&str) -> bool,
+        admins: (impl Fn(&str) -> bool, Timestamp),
     ) -> Result<SnapshotRecord, EvidenceError> {
         let mut changed = record.clone();
         changed.annotation.asks_lift = false;
@@ -224,7 +231,7 @@ impl Reader<'_> {
                 }
             }
             (true, Some(false)) => {
-                changed.lift = self.lift(record, is_admin)?;
+                changed.lift = self.lift(record, admins).await?;
                 changed.annotation.hold = changed.lift.is_some();
                 changed.annotation.asks_lift = changed.lift.is_some();
                 changed.held_by = changed.held_by.filter(|_| changed.lift.is_some());
@@ -234,10 +241,10 @@ impl Reader<'_> {
     }
 
     /// Returns the caller's request to lift a hold; none where the hold is lifted.
-    fn lift(
+    async fn lift(
         &self,
         record: &SnapshotRecord,
-        is_admin: impl Fn(&str) -> bool,
+        (is_admin, since): (impl Fn(&str) -> bool, Timestamp),
     ) -> Result<Option<LiftRequest>, EvidenceError> {
         if self.grants.role() < Role::Admin {
             return Err(EvidenceError::Forbidden("lifting the hold of a snapshot is for admin".to_owned()));
@@ -249,13 +256,26 @@ impl Reader<'_> {
         };
         match &record.lift {
             Some(asked) if asked.by == user => Err(EvidenceError::AskedAlready { until: asked.until }),
-            Some(asked) if is_admin(&asked.by) => Ok(None),
+            Some(asked) if is_admin(&asked.by) => {
+                self.check_older(record, since).await?;
+                Ok(None)
+            }
             // That of somebody who is no admin any more counts for nothing.
             _ => {
                 let until = self.snapshots.clock.now().saturating_add_nanos(window_nanos);
                 Ok(Some(LiftRequest { by: user.to_owned(), until }))
             }
         }
+    }
+
+    /// Refuses who confirms a request by an account or a token that is not as it is `since` before that.
+    async fn check_older(&self, record: &SnapshotRecord, since: Timestamp) -> Result<(), EvidenceError> {
+        let said = self.snapshots.store.snapshot_annotations(record.number).await?;
+        let asked_at = said.iter().rev().find(|said| said.asks_lift).map(|said| said.at);
+        if asked_at.is_some_and(|asked_at| since < asked_at) {
+            return Ok(());
+        }
+        Err(EvidenceError::Forbidden(YOUNGER.to_owned()))
     }
 
     /// Removes a snapshot; its digest stays, so that the chain is whole. Operators remove their own.

@@ -20,10 +20,13 @@ use videofields_service::evidence::{
 };
 use videofields_testing::small_disk::SmallDisk;
 use videofields_vision::access::{Grants, Rights, Role};
-use videofields_vision::clock::{SimulatedClock, Timestamp};
+use videofields_vision::clock::{Clock, SimulatedClock, Timestamp};
 use videofields_vision::config::{End, Settings};
 
 const NOW: Timestamp = Timestamp::from_nanos(1_800_000_000_000_000_000);
+
+/// Lifting of a hold where everybody is an admin, and ever was.
+const ADMINS: (fn(&str) -> bool, Timestamp) = (|_user| true, Timestamp::from_nanos(i64::MIN));
 
 /// Two cameras that have seen twenty frames each.
 fn seen(folder: &Path) -> Bench {
@@ -494,7 +497,7 @@ fn the_oldest_go_to_make_room_and_what_is_held_stays() {
         let hold = Annotated { hold: Some(true), ..Default::default() };
         for id in &made[3..] {
             let condition = Condition::Version(1);
-            reader.annotate(id, condition, hold.clone(), |_| true).await.unwrap();
+            reader.annotate(id, condition, hold.clone(), ADMINS).await.unwrap();
         }
         let failed = vault.make(&bench, of_camera("north", 7)).await;
         assert!(matches!(failed, Err(EvidenceError::Full(_))), "{failed:?}");
@@ -502,7 +505,7 @@ fn the_oldest_go_to_make_room_and_what_is_held_stays() {
         assert!(matches!(reader.remove(&held.id, present).await, Err(EvidenceError::Held)));
         // Too old, and let go.
         let free = Annotated { hold: Some(false), ..Default::default() };
-        reader.annotate(&made[3], present, free, |_| true).await.unwrap();
+        reader.annotate(&made[3], present, free, ADMINS).await.unwrap();
         vault.clock.advance(Duration::from_secs(990));
         vault.snapshots.remove_old().await.unwrap();
         assert_eq!(vault.all().await.len(), 3);
@@ -533,10 +536,12 @@ fn a_request_to_lift_a_hold_ends_by_itself_and_takes_two_users() {
         let vault = vault.await;
         let made = vault.make(&bench, Wanted { hold: true, ..of_camera("north", 0) }).await.unwrap();
         let grants = Grants::everything();
-        let lift = async |user: Option<&str>| {
+        let lift_since = async |user: Option<&str>, since: Timestamp| {
             let said = Annotated { hold: Some(false), ..Annotated::default() };
-            vault.snapshots.of(user, &grants).annotate(&made.id, Condition::Present, said, |_| true).await
+            let admins = (|_: &str| true, since);
+            vault.snapshots.of(user, &grants).annotate(&made.id, Condition::Present, said, admins).await
         };
+        let lift = async |user: Option<&str>| lift_since(user, Timestamp::from_nanos(i64::MIN)).await;
         let asked = async || vault.snapshots.of(None, &grants).one(&made.id).await.unwrap().lift;
         let refused = lift(None).await;
         assert!(
@@ -552,11 +557,25 @@ fn a_request_to_lift_a_hold_ends_by_itself_and_takes_two_users() {
         // The second came too late, and is the first of another.
         assert!(lift(Some("bob")).await.unwrap().annotation.hold);
         assert_eq!(asked().await.unwrap().by, "bob");
-        let lifted = lift(Some("ann")).await.unwrap();
+        // Who was made an admin after that, or whose token was, could be the first one's own.
+        let asked_at = vault.clock.now();
+        vault.clock.advance(Duration::from_secs(1));
+        for since in [asked_at, asked_at.saturating_add_nanos(1), vault.clock.now()] {
+            let refused = lift_since(Some("ann"), since).await;
+            assert!(
+                matches!(&refused, Err(EvidenceError::Forbidden(why)) if why.contains("older")),
+                "{refused:?}"
+            );
+        }
+        // Something else that is said meanwhile makes the request no younger.
+        let note = Annotated { note: Some("soon".to_owned()), ..Annotated::default() };
+        vault.snapshots.of(None, &grants).annotate(&made.id, Condition::Present, note, ADMINS).await.unwrap();
+        assert!(lift_since(Some("ann"), asked_at.saturating_add_nanos(1)).await.is_err());
+        let lifted = lift_since(Some("ann"), asked_at.saturating_add_nanos(-1)).await.unwrap();
         assert_eq!((lifted.annotation.hold, lifted.held_by, lifted.lift), (false, None, None));
         let said = vault.snapshots.of(None, &grants).annotations(&made.id).await.unwrap();
         let asking: Vec<bool> = said.iter().map(|said| said.asks_lift).collect();
-        assert_eq!(asking, [false, true, true, false]);
+        assert_eq!(asking, [false, true, true, false, false]);
     });
     bench.stop();
 }

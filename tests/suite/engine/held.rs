@@ -229,6 +229,9 @@ fn two_admins_lift_a_hold_where_that_is_asked_for() {
     let asked = lift("root");
     assert_eq!((asked.status, &asked.body["lift"]["asked_by"]), (202, &json!("root")));
     change("chief", "admin");
+    // Who was made an admin since confirms nothing of before.
+    assert_eq!(lift("chief").status, 403);
+    assert_eq!((house.patch("root", &path, json!({"hold": true})).status, lift("root").status), (200, 202));
     let lifted = lift("chief");
     assert_eq!(
         (lifted.status, &lifted.body["hold"], &lifted.body["lift"]),
@@ -244,5 +247,48 @@ fn two_admins_lift_a_hold_where_that_is_asked_for() {
     for line in lines {
         assert!(audit.contains(&line), "{line}: {audit:#?}");
     }
+    house.bench.stop();
+}
+
+#[test]
+fn nobody_lifts_alone_what_takes_two_by_an_account_or_a_token_of_their_own_making() {
+    let folder = TempDir::new().unwrap();
+    let mut house = house(folder.path(), |settings| settings.lift_window_nanos = Some(3_600_000_000_000));
+    let path = house.make("both", held(of_north(1)));
+    let lift = |house: &House, user: &str| house.patch(user, &path, json!({"hold": false}));
+    let token = |house: &mut House, user: &'static str, called: &'static str| {
+        let made = house.send("root", "POST", "/api/v1/tokens", None, json!({"user": user}));
+        assert_eq!(made.status, 201, "{}", made.body);
+        house.tokens.push((called, made.body["token"].as_str().unwrap().to_owned()));
+    };
+    let user = |house: &House, id: &str, fields: &[(&str, &str)]| {
+        let body = json!({"role": "admin", "password": "another long password"});
+        let put = house.send_with(("root", "PUT", &format!("/api/v1/users/{id}")), fields, body);
+        assert!([200, 201].contains(&put.status), "{}", put.body);
+    };
+    token(&mut house, "chief", "chief before");
+    assert_eq!(lift(&house, "root").status, 202);
+    // A second account, a token of the other admin's, and the other's account with a password that the first gave it.
+    user(&house, "second", &[("if-none-match", "*")]);
+    token(&mut house, "second", "second");
+    token(&mut house, "chief", "chief after");
+    let refused = |house: &House, user: &str| {
+        let refused = lift(house, user);
+        assert_eq!(refused.status, 403, "{user}: {}", refused.body);
+        assert!(refused.body["detail"].as_str().unwrap().contains("older"), "{}", refused.body);
+        assert_eq!(house.get("root", &path).body["hold"], json!(true));
+    };
+    refused(&house, "second");
+    refused(&house, "chief after");
+    user(&house, "chief", &[("if-match", "*")]);
+    for name in ["chief", "chief before", "chief after"] {
+        refused(&house, name);
+    }
+    // Once it is asked for anew, what is older than that confirms.
+    assert_eq!(house.patch("root", &path, json!({"hold": true})).status, 200);
+    assert_eq!(lift(&house, "root").status, 202);
+    assert_eq!(lift(&house, "chief before").status, 200);
+    let audit = house.audit();
+    assert!(audit.contains(&format!("second PATCH {ALL}/{{id}} {path} 403")), "{audit:#?}");
     house.bench.stop();
 }
