@@ -4,7 +4,7 @@ use super::activity::Activity;
 use super::checkpoint::Checkpoints;
 use super::handle::shape_concern;
 use super::object_sizes::{Calibrated, CameraObjectSizes};
-use super::privacy::{CameraPrivacy, Privacy};
+use super::privacy::{CameraPrivacy, Privacies, Privacy};
 use super::sightings::Sightings;
 use super::tracks::Tracks;
 use super::tuning::Tuning;
@@ -45,6 +45,8 @@ pub(super) struct CameraConsumer {
     set_back: Option<Timestamp>,
     /// What nobody may see.
     privacy: Arc<CameraPrivacy>,
+    /// What nobody may see of all cameras.
+    privacies: Arc<Privacies>,
     /// Where the camera is recorded, if it is.
     recorder: Option<Recorder>,
     /// Least areas of objects in the camera's pictures.
@@ -70,7 +72,7 @@ impl CameraConsumer {
         roots: MediaRoots,
         (timeline, events, tuning, sightings): (Arc<Timeline>, Arc<EventLog>, Arc<Tuning>, Arc<Sightings>),
         (checkpoints, activity, tracks): (Checkpoints, Activity, Tracks),
-        (metrics, privacy): (Arc<Metrics>, Arc<CameraPrivacy>),
+        (metrics, privacies): (Arc<Metrics>, Arc<Privacies>),
         clock: Arc<dyn Clock>,
         stop: StopFlag,
     ) -> Self {
@@ -78,6 +80,7 @@ impl CameraConsumer {
             .with_track(&settings.track)
             .with_condition(&settings.condition);
         let pipeline = if settings.vision { pipeline } else { pipeline.without_vision() };
+        let privacy = privacies.of_camera(&settings);
         Self {
             settings,
             roots,
@@ -95,6 +98,7 @@ impl CameraConsumer {
             is_prepared: false,
             set_back: None,
             privacy,
+            privacies,
             recorder: None,
             object_sizes: Arc::default(),
             records_hidden: false,
@@ -301,6 +305,7 @@ impl FrameConsumer for CameraConsumer {
     }
 
     fn begin(&mut self) {
+        self.privacies.opened(self.settings.id.as_str(), &self.settings.source);
         if let Some(recorder) = &mut self.recorder {
             recorder.break_off();
         }

@@ -10,8 +10,9 @@ use super::footage::Footage;
 use super::sightings::Sightings;
 use serde::Serialize;
 use std::collections::BTreeMap;
+use std::fmt;
 use std::sync::atomic::{AtomicU64, Ordering};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError, RwLock};
+use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError, RwLock};
 use videofields_recording::timeline::{Event, EventLog, Timeline};
 use videofields_vision::clock::Timestamp;
 use videofields_vision::config::{CameraSettings, SourceSettings};
@@ -88,6 +89,8 @@ impl Privacy {
 pub(super) struct CameraPrivacy {
     state: Mutex<State>,
     pool: Arc<BufferPool>,
+    /// What is remembered of the camera, once anything is.
+    remains: OnceLock<Remains>,
 }
 
 #[derive(Debug)]
@@ -96,16 +99,29 @@ struct State {
     own: Arc<Privacy>,
     /// The zones in force: its own, and those of cameras that are fed by the same.
     privacy: Arc<Privacy>,
-    /// Identity of what feeds the camera.
-    footage: Option<Footage>,
+    /// What feeds the camera.
+    fed: Option<Fed>,
     changes: u64,
 }
 
+/// What feeds a camera, and its identity as it was opened last.
+#[derive(Debug)]
+struct Fed {
+    source: SourceSettings,
+    footage: Footage,
+}
+
+impl Fed {
+    fn by(source: &SourceSettings) -> Option<Self> {
+        Some(Self { source: source.clone(), footage: Footage::of(source)? })
+    }
+}
+
 impl CameraPrivacy {
-    fn new(privacy: Privacy, footage: Option<Footage>) -> Self {
+    fn new(privacy: Privacy, fed: Option<Fed>) -> Self {
         let own = Arc::new(privacy);
-        let state = State { privacy: Arc::clone(&own), own, footage, changes: 0 };
-        Self { state: Mutex::new(state), pool: BufferPool::new(1) }
+        let state = State { privacy: Arc::clone(&own), own, fed, changes: 0 };
+        Self { state: Mutex::new(state), pool: BufferPool::new(1), remains: OnceLock::new() }
     }
 
     /// What is in force.
@@ -157,10 +173,16 @@ pub(super) struct Privacies {
 }
 
 /// What is remembered of a camera.
-pub(super) struct Remains<'a> {
-    pub(super) timeline: &'a Timeline,
-    pub(super) sightings: &'a Sightings,
-    pub(super) events: &'a EventLog,
+pub(super) struct Remains {
+    pub(super) timeline: Arc<Timeline>,
+    pub(super) sightings: Arc<Sightings>,
+    pub(super) events: Arc<EventLog>,
+}
+
+impl fmt::Debug for Remains {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        formatter.debug_struct("Remains").finish_non_exhaustive()
+    }
 }
 
 impl Privacies {
@@ -180,7 +202,7 @@ impl Privacies {
     pub(super) fn of_camera(&self, camera: &CameraSettings) -> Arc<CameraPrivacy> {
         let mut cameras = self.cameras.write().unwrap_or_else(PoisonError::into_inner);
         let own = cameras.entry(camera.id.clone());
-        let made = || Arc::new(CameraPrivacy::new(Privacy::configured(camera), Footage::of(&camera.source)));
+        let made = || Arc::new(CameraPrivacy::new(Privacy::configured(camera), Fed::by(&camera.source)));
         Arc::clone(own.or_insert_with(made))
     }
 
@@ -188,11 +210,34 @@ impl Privacies {
     pub(super) fn add(&self, camera: &CameraSettings, privacy: Option<Privacy>) {
         let privacy = privacy.unwrap_or_else(|| Privacy::configured(camera));
         let mut cameras = self.cameras.write().unwrap_or_else(PoisonError::into_inner);
-        let made = CameraPrivacy::new(privacy, Footage::of(&camera.source));
+        let made = CameraPrivacy::new(privacy, Fed::by(&camera.source));
         cameras.insert(camera.id.clone(), Arc::new(made));
         drop(cameras);
         self.join(camera.id.as_str());
         self.changes.fetch_add(1, Ordering::SeqCst);
+    }
+
+    /// Tells what is remembered of a camera that is about to run.
+    pub(super) fn remember(&self, camera: &CameraSettings, remains: Remains) {
+        if self.of_camera(camera).remains.set(remains).is_err() {
+            tracing::error!(camera = %camera.id, "what is remembered of a camera is known already");
+        }
+    }
+
+    /// Tells that `source`, which feeds a camera, is opened: another file may lie there than before. What holds by that, for this
+    /// camera and for those that are fed by the same, is in force before this returns.
+    pub(super) fn opened(&self, camera: &str, source: &SourceSettings) {
+        // A thread that was left says nothing of what feeds the camera by now.
+        let is_fed =
+            |own: Arc<CameraPrivacy>| own.lock().fed.as_ref().is_some_and(|fed| fed.source == *source);
+        if !self.of(camera).is_ok_and(is_fed) {
+            return;
+        }
+        for concerned in self.set_footage(camera, source) {
+            if let Err(error) = self.hold(concerned.as_str()) {
+                tracing::error!(camera = %concerned, %error, "privacy zones are not put in force for a file that was opened");
+            }
+        }
     }
 
     /// Tells that a camera is fed by `source` from now on. Cameras whose zones may be others by that; the caller has
@@ -200,7 +245,7 @@ impl Privacies {
     pub(super) fn set_footage(&self, camera: &str, source: &SourceSettings) -> Vec<CameraId> {
         let Ok(own) = self.of(camera) else { return Vec::new() };
         let mut concerned = self.sharing(camera);
-        own.lock().footage = Footage::of(source);
+        own.lock().fed = Fed::by(source);
         concerned.extend(self.sharing(camera));
         concerned.sort();
         concerned.dedup();
@@ -211,7 +256,7 @@ impl Privacies {
     pub(super) fn leave(&self, camera: &str) -> Vec<CameraId> {
         let Ok(own) = self.of(camera) else { return Vec::new() };
         let others = self.sharing(camera);
-        own.lock().footage = None;
+        own.lock().fed = None;
         others.into_iter().filter(|other| other.as_str() != camera).collect()
     }
 
@@ -226,9 +271,11 @@ impl Privacies {
     pub(super) fn sharing(&self, camera: &str) -> Vec<CameraId> {
         let cameras = self.cameras.read().unwrap_or_else(PoisonError::into_inner).clone();
         let of = |id: &str| cameras.iter().find(|(other, _)| other.as_str() == id).map(|(_, own)| own);
-        let footage = of(camera).and_then(|own| own.lock().footage.clone());
+        let footage = of(camera).and_then(|own| own.lock().fed.as_ref().map(|fed| fed.footage.clone()));
         let is_same = |id: &CameraId, own: &CameraPrivacy| {
-            id.as_str() == camera || footage.is_some() && own.lock().footage == footage
+            let shows =
+                |footage: &Footage| own.lock().fed.as_ref().is_some_and(|fed| fed.footage.is_same(footage));
+            id.as_str() == camera || footage.as_ref().is_some_and(shows)
         };
         cameras.iter().filter(|(id, own)| is_same(id, own)).map(|(id, _)| id.clone()).collect()
     }
@@ -271,7 +318,7 @@ impl Privacies {
 
     /// Puts the zones in force that hold for a camera by now: nothing is remembered any more that was seen under others, and
     /// what is remembered is hidden, before this returns. Blocks for up to a second where memory holds much.
-    pub(super) fn hold(&self, camera: &str, of: &Remains<'_>) -> Result<(), EngineError> {
+    pub(super) fn hold(&self, camera: &str) -> Result<(), EngineError> {
         let (own, privacy) = (self.of(camera)?, self.shared(camera)?);
         let mut state = own.lock();
         let before = std::mem::replace(&mut state.privacy, Arc::new(privacy));
@@ -281,7 +328,9 @@ impl Privacies {
         }
         if !is_same {
             state.changes += 1;
-            hide_remains(&state.privacy, &own.pool, of, camera);
+            if let Some(remains) = own.remains.get() {
+                hide_remains(&state.privacy, &own.pool, remains, camera);
+            }
         }
         self.changes.fetch_add(1, Ordering::SeqCst);
         Ok(())
@@ -289,7 +338,7 @@ impl Privacies {
 }
 
 /// Hides what is remembered of a camera.
-fn hide_remains(privacy: &Privacy, pool: &Arc<BufferPool>, of: &Remains<'_>, camera: &str) {
+fn hide_remains(privacy: &Privacy, pool: &Arc<BufferPool>, of: &Remains, camera: &str) {
     of.sightings.clear();
     if privacy.zones.is_empty() {
         return;
@@ -315,11 +364,11 @@ fn hide_remains(privacy: &Privacy, pool: &Arc<BufferPool>, of: &Remains<'_>, cam
         .map(|seen: Observation| (seen.frame.image.width(), seen.frame.image.height()))
     else {
         // Of which size the pictures were that the events are of is not known.
-        forget_events(of.events, camera, |event| event.rect.is_none());
+        forget_events(&of.events, camera, |event| event.rect.is_none());
         return;
     };
     let mask = Arc::clone(masks.of(privacy, size_px));
-    forget_events(of.events, camera, |event| {
+    forget_events(&of.events, camera, |event| {
         event.rect.as_ref().is_none_or(|rect| !mask.touches([rect.x, rect.y], [rect.width, rect.height]))
     });
 }

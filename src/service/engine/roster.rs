@@ -210,7 +210,7 @@ impl Roster {
     /// Has a camera's zones hold for those that are fed by the same.
     fn share_zones(&self, camera: &CameraId) {
         let concerned = self.surroundings.privacies.sharing(camera.as_str());
-        if let Err(error) = self.hold_zones_of(&concerned, "") {
+        if let Err(error) = self.hold_zones_of(&concerned) {
             tracing::error!(%camera, %error, "privacy zones are not put in force for cameras that are fed by the same");
         }
     }
@@ -218,7 +218,7 @@ impl Roster {
     /// Has the zones of a camera that is taken away hold for no other.
     fn give_up_zones(&self, camera: &CameraId) {
         let concerned = self.surroundings.privacies.leave(camera.as_str());
-        if let Err(error) = self.hold_zones_of(&concerned, camera.as_str()) {
+        if let Err(error) = self.hold_zones_of(&concerned) {
             tracing::error!(%camera, %error, "a camera's privacy zones are not given up for others");
         }
     }
@@ -399,8 +399,7 @@ impl Roster {
         }
         let concerned = self.surroundings.privacies.set_footage(post.id.as_str(), &settings.source);
         self.hold_zones(post, zones)?;
-        self.surroundings.hold_zones(post)?;
-        self.hold_zones_of(&concerned, post.id.as_str())?;
+        self.hold_zones_of(&concerned)?;
         post.sightings.clear();
         let elsewhere =
             if before.source.place() == settings.source.place() { Elsewhere::No } else { Elsewhere::Yes };
@@ -428,16 +427,13 @@ impl Roster {
         let Some(privacy) = zones else { return Ok(()) };
         let (camera, n_zones) = (post.id.as_str(), privacy.zones.len());
         let concerned = self.surroundings.privacies.set_own(camera, privacy)?;
-        self.surroundings.hold_zones(post)?;
         self.surroundings.tell_zones(camera, n_zones);
-        self.hold_zones_of(&concerned, camera)
+        self.hold_zones_of(&concerned)
     }
 
-    /// Puts the zones in force that hold for these cameras by now, but for the one that is `done`.
-    fn hold_zones_of(&self, cameras: &[CameraId], done: &str) -> Result<(), EngineError> {
-        let posts = self.posts();
-        let is_concerned = |post: &&Arc<Post>| cameras.contains(&post.id) && post.id.as_str() != done;
-        posts.iter().filter(is_concerned).try_for_each(|post| self.surroundings.hold_zones(post))
+    /// Puts the zones in force that hold for these cameras by now, and hides what memory has of them.
+    fn hold_zones_of(&self, cameras: &[CameraId]) -> Result<(), EngineError> {
+        cameras.iter().try_for_each(|camera| self.surroundings.privacies.hold(camera.as_str()))
     }
 
     /// Where a camera saw things stand lately.
@@ -506,11 +502,15 @@ impl Post {
     fn new(camera: &CameraSettings, sooner: Duration, surroundings: &Surroundings) -> Self {
         surroundings.metrics.announce_camera(camera.id.as_str());
         surroundings.tell_zones(camera.id.as_str(), camera.privacy_zones.len());
+        let timeline = Arc::new(Timeline::new(surroundings.allotment().timeline_bytes));
+        let (sightings, events) = (Arc::<Sightings>::default(), Arc::clone(&surroundings.events));
+        let remains = Remains { timeline: Arc::clone(&timeline), sightings: Arc::clone(&sightings), events };
+        surroundings.privacies.remember(camera, remains);
         Self {
             id: camera.id.clone(),
-            timeline: Arc::new(Timeline::new(surroundings.allotment().timeline_bytes)),
+            timeline,
             tuning: Arc::new(Tuning::new(&camera.segment)),
-            sightings: Arc::default(),
+            sightings,
             status: StatusReader::switched_off(surroundings.clock.now()),
             sooner,
             held: Mutex::new(Held { settings: camera.clone(), is_elsewhere: false, worker: None }),
@@ -596,7 +596,7 @@ impl Surroundings {
             roots.clone(),
             (Arc::clone(timeline), Arc::clone(&self.events), Arc::clone(tuning), Arc::clone(sightings)),
             (checkpoints, self.activity(&camera.id), self.tracks(&camera.id)),
-            (Arc::clone(&self.metrics), self.privacies.of_camera(camera)),
+            (Arc::clone(&self.metrics), Arc::clone(&self.privacies)),
             Arc::clone(&self.clock),
             self.stop.clone(),
         )
@@ -640,13 +640,6 @@ impl Surroundings {
 
     fn tracks(&self, camera: &CameraId) -> Tracks {
         Tracks::new(camera.clone(), self.store.clone(), self.runtime.clone())
-    }
-
-    /// Puts the zones in force that hold for a camera by now, and hides what memory has of it.
-    fn hold_zones(&self, post: &Post) -> Result<(), EngineError> {
-        let Self { privacies, events, .. } = self;
-        let remains = Remains { timeline: &post.timeline, sightings: &post.sightings, events };
-        privacies.hold(post.id.as_str(), &remains)
     }
 
     /// Waits for a camera's thread until the monotonic clock says `until`, then leaves it.

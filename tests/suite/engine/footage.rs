@@ -7,6 +7,7 @@ use serde_json::json;
 use std::path::Path;
 use videofields_service::engine::{At, EngineError, Handle, Privacy};
 use videofields_vision::access::{Right, Role};
+use videofields_vision::clock::Timestamp;
 use videofields_vision::config::{CameraUrl, End, Settings, SourceSettings};
 use videofields_vision::frame::Zone;
 
@@ -203,5 +204,30 @@ fn who_may_not_manage_all_that_show_the_same_hides_nothing_of_it() {
     let admin = bench.handle.within(grants(Role::Admin, &[], &[]));
     admin.hold_privacy("north", Privacy::default()).unwrap();
     assert!(bench.handle.hidden("south", At::Live).unwrap().is_empty());
+    bench.stop();
+}
+
+#[test]
+fn zones_hold_for_what_lies_there_once_it_is_opened() {
+    let folder = tempfile::tempdir().unwrap();
+    let own = pictures(folder.path(), "own", 0..6);
+    let later = folder.path().join("later");
+    let cameras = [("north", later.join("in%04d.png")), ("south", own)];
+    let camera = cameras.map(|(id, path)| camera(id, path, End::Loop)).to_vec();
+    let bench = Bench::start(folder.path(), Settings { camera, ..Settings::default() }, &[]);
+    let (door, hidden) = (&bench.handle, |id: &str| bench.handle.hidden(id, At::Live).unwrap().len());
+    bench.wait_for_state("south", "live");
+    bench.wait_for_state("north", "failed");
+    let held = |zone: Zone| Privacy { zones: vec![zone].into(), version: 1, ..Privacy::default() };
+    door.hold_privacy("south", held(garden())).unwrap();
+    assert_eq!((hidden("north"), hidden("south")), (0, 1));
+    door.hold_privacy("north", held(zone("top", &[[0.0, 0.0], [1.0, 0.0], [1.0, 0.3], [0.0, 0.3]]))).unwrap();
+    assert_eq!((hidden("north"), hidden("south")), (1, 1), "nothing is there that both show");
+
+    std::os::unix::fs::symlink(folder.path().join("own"), &later).unwrap();
+    bench.wait_for_state("north", "live");
+    assert_eq!((hidden("north"), hidden("south")), (2, 2), "each hides what the other hides");
+    let first = door.observation("north", At::Time(Timestamp::from_nanos(0))).unwrap().frame.image;
+    assert!(hides(&first, &garden()), "from the first frame on");
     bench.stop();
 }
