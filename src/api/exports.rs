@@ -25,6 +25,7 @@ use serde_json::json;
 use videofields_recording::archive::ExportStatus;
 use videofields_service::engine::{BlurAsked, EngineError};
 use videofields_vision::access::{Right, Role};
+use videofields_vision::clock::Timestamp;
 
 const NO_STORE: [(header::HeaderName, &str); 1] = [(header::CACHE_CONTROL, "no-store")];
 
@@ -133,6 +134,20 @@ pub(super) async fn one(
     Ok((NO_STORE, Json(status)).into_response())
 }
 
+/// Returns the caller as who removes an export: one of who had that name before is another's.
+fn remover(api: &Api, id: &str) -> Option<String> {
+    let user = api.identity.caller.user.clone()?;
+    if api.identity.caller.grants.role() == Role::Admin {
+        return Some(user);
+    }
+    let instant = |text: &str| text.parse::<Timestamp>().ok();
+    let since = api.accounts.as_ref()?.user(&user).ok().and_then(|user| instant(&user.created_at))?;
+    let asked = api.door.exports().into_iter().find(|export| export.id == id);
+    let is_earlier =
+        asked.is_some_and(|export| instant(&export.made_at).is_none_or(|made_at| made_at < since));
+    (!is_earlier).then_some(user)
+}
+
 /// Takes an export back, or removes it.
 pub(super) async fn remove(
     Asked(api): Asked,
@@ -142,7 +157,7 @@ pub(super) async fn remove(
 ) -> Result<Response, Problem> {
     Query::parse(raw.as_deref(), NONE).finish(Some(()))?;
     refuse_foreign(&api.site, &headers)?;
-    let by = api.identity.caller.user.clone();
+    let by = remover(&api, &id);
     let removed = api.ask("removing an export", move |door| door.remove_export(&id, by.as_deref())).await;
     removed.map_err(|error| problem_of(&api, error))?;
     Ok((StatusCode::NO_CONTENT, NO_STORE).into_response())

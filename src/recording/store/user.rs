@@ -93,6 +93,19 @@ impl Store {
         Ok(rows.into_iter().map(record).collect())
     }
 
+    /// Returns when a user was made; none where there is none of that name.
+    ///
+    /// # Errors
+    /// When the database fails.
+    pub async fn user_since(&self, id: &str) -> Result<Option<Timestamp>, StoreError> {
+        let created_at: Result<Option<i64>, sqlx::Error> =
+            sqlx::query_scalar("select created_at from user where id = ?")
+                .bind(id)
+                .fetch_optional(&self.cache)
+                .await;
+        Ok(created_at.map_err(|error| self.classify(error))?.map(Timestamp::from_nanos))
+    }
+
     /// Removes the user of that version with all of its tokens, and answers whether there was one.
     ///
     /// # Errors

@@ -10,7 +10,9 @@ use crate::catalog::Condition;
 use serde_json::json;
 use std::fs::File;
 use std::sync::Arc;
-use videofields_recording::store::{LiftRequest, SnapshotAnnotation, SnapshotRecord, SnapshotSearch};
+use videofields_recording::store::{
+    LiftRequest, SnapshotAnnotation, SnapshotOwner, SnapshotRecord, SnapshotSearch,
+};
 use videofields_recording::telemetry::SnapshotRemoval;
 use videofields_vision::access::{Grants, Right, Role};
 use videofields_vision::clock::Timestamp;
@@ -286,8 +288,7 @@ impl Reader<'_> {
     pub async fn remove(&self, id: &str, condition: Condition) -> Result<(), EvidenceError> {
         let record = self.one(id).await?;
         self.check_role("removing a snapshot")?;
-        if self.grants.role() < Role::Admin && (self.user.is_none() || record.made_by.as_deref() != self.user)
-        {
+        if self.grants.role() < Role::Admin && !self.is_own(&record).await? {
             let message = "removing a snapshot that another made is for admin";
             return Err(EvidenceError::Forbidden(message.to_owned()));
         }
@@ -301,6 +302,12 @@ impl Reader<'_> {
         drop(turn);
         self.snapshots.tell_totals().await;
         Ok(())
+    }
+
+    /// Whether the caller made a snapshot, and not another who had that name before.
+    async fn is_own(&self, record: &SnapshotRecord) -> Result<bool, EvidenceError> {
+        let Some(user) = self.user else { return Ok(false) };
+        Ok(self.snapshots.store.is_snapshot_of(record.number, SnapshotOwner::User(user)).await?)
     }
 
     /// Whether a snapshot is as it was sealed: every digest is computed again.

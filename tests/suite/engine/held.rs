@@ -31,6 +31,10 @@ fn of_north(frame: i64) -> Value {
     json!({"camera": "north", "t": (frame % 20 * super::FRAME_NANOS).to_string(), "note": "at the gate"})
 }
 
+fn of_north_now(note: i64) -> Value {
+    json!({"camera": "north", "note": note.to_string()})
+}
+
 fn held(mut wanted: Value) -> Value {
     wanted["hold"] = json!(true);
     wanted
@@ -290,5 +294,40 @@ fn nobody_lifts_alone_what_takes_two_by_an_account_or_a_token_of_their_own_makin
     assert_eq!(lift(&house, "chief before").status, 200);
     let audit = house.audit();
     assert!(audit.contains(&format!("second PATCH {ALL}/{{id}} {path} 403")), "{audit:#?}");
+    house.bench.stop();
+}
+
+#[test]
+fn who_has_a_name_again_has_none_of_what_was_made_under_it_before() {
+    let max_bytes = bytes_of(6);
+    let folder = TempDir::new().unwrap();
+    let mut house = house(folder.path(), |settings| settings.max_bytes = max_bytes);
+    let before: Vec<String> = (0..2).map(|frame| house.make("present", of_north_now(frame))).collect();
+    assert_eq!(house.get("present", &before[0]).status, 200, "its own");
+    let user = "/api/v1/users/present";
+    assert_eq!(house.delete("root", user), 204);
+    let rights = json!({"role": "operator", "cameras": {"north": ["live", "export"]}});
+    let made = house.send_with(("root", "PUT", user), &[("if-none-match", "*")], rights);
+    assert_eq!(made.status, 201, "{}", made.body);
+    let token = house.send("root", "POST", "/api/v1/tokens", None, json!({"user": "present"}));
+    house.tokens.retain(|(name, _)| *name != "present");
+    house.tokens.push(("present", token.body["token"].as_str().unwrap().to_owned()));
+    // It may not look back, and did not make these.
+    assert_eq!((house.get("present", &before[0]).status, house.delete("present", &before[0])), (404, 404));
+    assert!(house.ids("present", "").is_empty());
+    // Nor do its own push them out.
+    for frame in 0..10 {
+        house.make("present", of_north_now(frame));
+    }
+    for path in &before {
+        assert_eq!(house.get("root", path).status, 200, "{path}");
+    }
+    // With the right to look back it sees them, and removes them no more than another's.
+    let tag = house.get("root", user).field("etag").to_owned();
+    let rights = json!({"role": "operator", "cameras": {"north": ["live", "history", "export"]}});
+    assert_eq!(house.send("root", "PUT", user, Some(&tag), rights).status, 200);
+    assert_eq!((house.get("present", &before[0]).status, house.delete("present", &before[0])), (200, 403));
+    let own = house.make("present", of_north_now(0));
+    assert_eq!(house.delete("present", &own), 204);
     house.bench.stop();
 }

@@ -65,6 +65,23 @@ pub struct ExportStatus {
     pub files: Vec<ExportFile>,
 }
 
+/// User whose exports are counted together, and since when there is the account: what another of that name asked for before is not
+/// the user's.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Owner<'a> {
+    /// The user; none where there are no users.
+    pub user: Option<&'a str>,
+    /// The account's beginning, by the machine's clock.
+    pub since: Timestamp,
+}
+
+impl Owner<'_> {
+    fn has(self, status: &ExportStatus) -> bool {
+        let is_later = || status.made_at.parse().is_ok_and(|made_at: Timestamp| made_at >= self.since);
+        status.asked_by.as_deref() == self.user && is_later()
+    }
+}
+
 /// A file of an export.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct ExportFile {
@@ -269,7 +286,7 @@ impl Exports {
     /// Returns the room that a user's exports have, in bytes and in number, once so many bytes and so many of them were removed.
     pub(super) fn rooms(
         &self,
-        user: Option<&str>,
+        owner: Owner<'_>,
         max_bytes: u64,
         (freed_bytes, n_freed): (u64, u64),
     ) -> [Room; 2] {
@@ -278,8 +295,7 @@ impl Exports {
         let mut bytes = Room { max: max_bytes, kept: 0, own: 0, freed: freed_bytes };
         let mut number = Room { max: MAX_DONE, kept: 0, own: 0, freed: n_freed };
         for status in done {
-            let (own_bytes, n_own) =
-                if status.asked_by.as_deref() == user { (status.bytes, 1) } else { (0, 0) };
+            let (own_bytes, n_own) = if owner.has(status) { (status.bytes, 1) } else { (0, 0) };
             bytes.kept = bytes.kept.saturating_add(status.bytes);
             bytes.own = bytes.own.saturating_add(own_bytes);
             number.kept += 1;
@@ -289,10 +305,10 @@ impl Exports {
     }
 
     /// Returns id and bytes of a user's oldest export that is done.
-    pub(super) fn oldest_of(&self, user: Option<&str>) -> Option<(String, u64)> {
+    pub(super) fn oldest_of(&self, owner: Owner<'_>) -> Option<(String, u64)> {
         let entries = self.lock();
         let mut done = entries.all.iter().filter(|entry| entry.is_done()).map(|entry| &entry.status);
-        done.find(|status| status.asked_by.as_deref() == user).map(|status| (status.id.clone(), status.bytes))
+        done.find(|status| owner.has(status)).map(|status| (status.id.clone(), status.bytes))
     }
 
     /// Returns the id of the oldest export that is done, of the user whose exports take most bytes.
@@ -445,6 +461,24 @@ mod tests {
         let expected = ["eve0", "ann12", "eve1", "ann13", "eve2", "ann14", "eve3", "eve4"];
         assert_eq!(order[..8], expected);
         assert_eq!(order.len(), 15);
+    }
+
+    #[test]
+    fn who_has_a_name_again_has_none_of_the_exports_of_before() {
+        let done = |place, nanos| {
+            let mut entry = entry("ann", place, ExportState::Done);
+            entry.status.made_at = Timestamp::from_nanos(nanos).to_string();
+            entry
+        };
+        let exports = Exports {
+            entries: Mutex::new(Entries { all: vec![done(0, 5), done(1, 7)], ..Entries::default() }),
+            ..Exports::default()
+        };
+        for (since, oldest, n_own) in [(5, Some("ann0"), 2), (6, Some("ann1"), 1), (8, None, 0)] {
+            let owner = Owner { user: Some("ann"), since: Timestamp::from_nanos(since) };
+            let found = exports.oldest_of(owner).map(|(id, _bytes)| id);
+            assert_eq!((found.as_deref(), exports.rooms(owner, 100, (0, 0))[1].own), (oldest, n_own));
+        }
     }
 
     #[test]

@@ -1,6 +1,6 @@
 //! The thread that makes exports: one after the other, within the disk's and the configuration's room.
 
-use super::board::{ExportState, Work};
+use super::board::{ExportState, Owner, Work};
 use super::clips::{Clips, Written};
 use super::folder::ExportsFolder;
 use super::manifest::{ExportedCamera, Manifest, VERSION};
@@ -80,8 +80,11 @@ fn wait_for_folder(shared: &Arc<Shared>) -> Option<Arc<ExportsFolder>> {
 
 fn make(shared: &Arc<Shared>, folder: &ExportsFolder, work: &Work) {
     let id = work.id.as_str();
-    let mut budget = Budget { shared, work, n_bytes: 0, freed: (0, 0), next_look_at: 0 };
-    let made = manifest(&mut budget, folder)
+    let since = Timestamp::from_nanos(i64::MIN);
+    let mut budget = Budget { shared, work, since, n_bytes: 0, freed: (0, 0), next_look_at: 0 };
+    let made = budget
+        .know_owner()
+        .and_then(|()| manifest(&mut budget, folder))
         .and_then(|manifest| folder.open(id)?.finish(manifest, shared.signing_key()));
     let n_bytes = budget.n_bytes;
     let failure = match made.map(|finished| shared.exports.finish(finished)) {
@@ -150,6 +153,8 @@ fn manifest(budget: &mut Budget<'_>, folder: &ExportsFolder) -> Result<Manifest,
 struct Budget<'a> {
     shared: &'a Arc<Shared>,
     work: &'a Work,
+    /// Instant since which there is the user's account.
+    since: Timestamp,
     n_bytes: u64,
     /// Bytes and number of the same user's exports that were removed for it.
     freed: (u64, u64),
@@ -158,6 +163,19 @@ struct Budget<'a> {
 }
 
 impl Budget<'_> {
+    /// Takes notice of since when there is the user who asked.
+    fn know_owner(&mut self) -> Result<(), ExportError> {
+        if let Some(user) = &self.work.request.asked_by {
+            let since = self.shared.runtime.block_on(self.shared.store.user_since(user));
+            self.since = since.map_err(ArchiveError::from)?.unwrap_or(self.since);
+        }
+        Ok(())
+    }
+
+    fn owner(&self) -> Owner<'_> {
+        Owner { user: self.work.request.asked_by.as_deref(), since: self.since }
+    }
+
     /// Holds what is asked for against what all exports may take, before any of them goes for it.
     fn check_size(&self) -> Result<(), ExportError> {
         let (request, shared) = (&self.work.request, self.shared);
@@ -201,14 +219,16 @@ impl Budget<'_> {
 
     /// Removes the same user's oldest exports until this one fits; returns the bytes that it may come to then.
     fn make_room(&mut self) -> Result<u64, ExportError> {
-        let Self { shared, work, n_bytes, .. } = *self;
+        let Self { shared, work, since, n_bytes, .. } = *self;
         let ExportRequest { asked_by, bound, .. } = &*work.request;
         loop {
             let [bytes, number] = self.rooms().map(|room| room.left(*bound));
             if bytes >= n_bytes && number >= 1 {
                 return Ok(bytes);
             }
-            let Some((id, oldest_bytes)) = shared.exports.oldest_of(asked_by.as_deref()) else {
+            let Some((id, oldest_bytes)) =
+                shared.exports.oldest_of(Owner { user: asked_by.as_deref(), since })
+            else {
                 return Err(ExportError::NoRoom(n_bytes));
             };
             tracing::info!(id, user = asked_by, "an export goes, to make room for the same user's next");
@@ -220,8 +240,7 @@ impl Budget<'_> {
 
     /// Returns the room that the user's exports have, in bytes and in number.
     fn rooms(&self) -> [Room; 2] {
-        let user = self.work.request.asked_by.as_deref();
-        self.shared.exports.rooms(user, max_bytes(self.shared), self.freed)
+        self.shared.exports.rooms(self.owner(), max_bytes(self.shared), self.freed)
     }
 }
 

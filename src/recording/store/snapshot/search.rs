@@ -9,7 +9,7 @@ use videofields_vision::clock::Timestamp;
 pub struct SnapshotSearch {
     /// Cameras of which the caller may have exports; a snapshot with any other is not there. None: of all.
     pub may_export: Option<Vec<String>>,
-    /// Cameras of which the caller may look back; a snapshot with any other is not there unless `user` made it. None: of all.
+    /// Cameras of which the caller may look back; a snapshot with any other is not there unless `user` made it, and not another who had that name before. None: of all.
     pub may_look_back: Option<Vec<String>>,
     /// The caller.
     pub user: Option<String>,
@@ -37,7 +37,8 @@ pub struct SnapshotSearch {
 const WHERE: &str = "where removed_at is null
     and (?1 is null or not exists (select 1 from snapshot_camera as held where held.number = snapshot.number
         and held.camera not in (select value from json_each(?1))))
-    and (?2 is null or (?3 is not null and made_by = ?3) or not exists (
+    and (?2 is null or (?3 is not null and made_by = ?3
+            and made_at >= coalesce((select created_at from user where user.id = ?3), made_at)) or not exists (
         select 1 from snapshot_camera as held where held.number = snapshot.number
         and held.camera not in (select value from json_each(?2))))
     and (?4 is null or id = ?4)
