@@ -20,8 +20,8 @@ use videofields_vision::config::check_annotation;
 use videofields_vision::error::Gatherer;
 use videofields_vision::frame::is_id;
 
-/// Versions of what is said of a snapshot after which admins alone go on: each is kept.
-const MAX_VERSIONS: i64 = 200;
+/// Versions of what one user says of a snapshot, beyond which admins alone go on: each is kept.
+const MAX_OWN_VERSIONS: u64 = 200;
 
 /// Refusal of a confirmation by an account, or by a token, that the first admin may have made for it.
 const YOUNGER: &str = "your account or your token was made or changed after lifting the hold was asked for: an admin whose account and \
@@ -190,9 +190,11 @@ impl Reader<'_> {
         if !faults.is_empty() {
             return Err(EvidenceError::Faults(faults));
         }
-        if record.annotation.version >= MAX_VERSIONS && self.grants.role() < Role::Admin {
+        if let Some(user) = limited(self.user, self.grants)
+            && self.snapshots.store.said_of_snapshot_by(record.number, user).await? >= MAX_OWN_VERSIONS
+        {
             return Err(EvidenceError::Full(
-                "as much was said of the snapshot as is kept: admins alone go on",
+                "you have said as much of the snapshot as is kept: admins go on",
             ));
         }
         let mut changed = self.held(&record, said.hold, admins).await?;
