@@ -191,7 +191,7 @@ impl Door for Permitted {
             camera.scenes.retain(is_there);
             camera.stretched.retain(|of| is_there(&of.scene));
             if self.grants.role() < Role::Admin {
-                camera.reason = camera.public_reason.take();
+                camera.reason = camera.public_reason.clone();
             }
             camera.tell_stretched();
         }

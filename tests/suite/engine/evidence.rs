@@ -121,6 +121,33 @@ fn of_camera(camera: &str, frame: i64) -> Wanted {
     }
 }
 
+#[test]
+fn a_record_tells_nobody_where_a_camera_that_fails_is_read_from() {
+    if !has_adapter() {
+        return;
+    }
+    let folder = TempDir::new().unwrap();
+    let north = camera("north", pictures(folder.path(), "north", 0..20), End::Stop);
+    let south = camera("south", folder.path().join("hidden-name.webm"), End::Stop);
+    let settings = Settings { camera: vec![north, south], ..Settings::default() };
+    let bench = Bench::start(folder.path(), settings, &[("yard", SCENE)]);
+    bench.wait_for_state("north", "ended");
+    let reason = bench.wait_for_state("south", "failed").reason.unwrap();
+    assert!(reason.contains("hidden-name"), "{reason}");
+    bench.runtime.block_on(async {
+        let vault = Vault::open(&folder.path().join("state")).await;
+        let asked = Box::new(request("yard", at(FRAME_NANOS * 12)));
+        let subject = Subject::View { request: asked, parameters: String::new() };
+        let made = vault.make(&bench, Wanted { subject, ..of_camera("north", 0) }).await.unwrap();
+        let record = std::fs::read_to_string(vault.place(&made.id).join("record.json")).unwrap();
+        assert!(!record.contains("hidden-name"), "{record}");
+        let told = json!("its file cannot be played; administrators see more");
+        assert_eq!(serde_json::from_str::<Value>(&record).unwrap()["cameras"][1]["reason"], told);
+        vault.close().await;
+    });
+    bench.stop();
+}
+
 fn sha256(bytes: &[u8]) -> String {
     Sha256::digest(bytes).iter().map(|byte| format!("{byte:02x}")).collect()
 }
