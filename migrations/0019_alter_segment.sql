@@ -1,8 +1,8 @@
--- When each file was written, so that what goes for room goes in the order of writing: scene time is what a camera's source and
--- clock say. Nanoseconds since 1970-01-01, UTC, by the machine's clock.
+-- Instant at which each file was begun, so that what goes for room goes in the order of writing: scene time is what a camera's
+-- source and clock say. Nanoseconds since 1970-01-01, UTC, by the machine's clock.
 alter table segment add column written_at integer not null default 0;
 
--- Of files that are there nothing else is known than their scene time; none was written later than now.
+-- Files that are there have nothing but their scene time; none was written later than now.
 update segment set written_at = min(last_at, cast(unixepoch('now') as integer) * 1000000000);
 
 drop index segment_by_age;

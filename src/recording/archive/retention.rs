@@ -1,4 +1,4 @@
-//! What goes when there is too much: what was written first over all cameras, never what is being written.
+//! Removes recordings where there is too much: what was written first over all cameras, never what is being written.
 //!
 //! In three steps: the row is marked (and the mark is on the disk), the file removed, the row removed. A crash between
 //! two of them leaves work to do, which is done at the next start, and no row that lies.

@@ -467,7 +467,7 @@ async fn files_and_rows_find_each_other_again() {
         stage.record(start * SECOND, &frames).await;
     }
     let rows = stage.rows().await;
-    // Of a file alone it is known when it was written last.
+    // A file alone tells when it was written last.
     let plain = |row: &SegmentRecord| SegmentRecord { id: 0, written_at: at(0), ..row.clone() };
     let expected: Vec<_> = rows.iter().map(plain).collect();
 

@@ -36,7 +36,7 @@ pub struct SegmentRecord {
     pub first_at: Timestamp,
     /// Scene time of the newest frame.
     pub last_at: Timestamp,
-    /// When the file was begun, by the machine's clock; of one that was found without a row, when it was written last.
+    /// Instant at which the file was begun, by the machine's clock; of one that was found without a row, of its last bytes.
     pub written_at: Timestamp,
     /// Frames.
     pub n_frames: u64,

@@ -45,7 +45,7 @@ pub(super) struct CameraConsumer {
     set_back: Option<Timestamp>,
     /// What nobody may see.
     privacy: Arc<CameraPrivacy>,
-    /// What nobody may see of all cameras.
+    /// Zones of all cameras.
     privacies: Arc<Privacies>,
     /// Where the camera is recorded, if it is.
     recorder: Option<Recorder>,

@@ -395,7 +395,7 @@ pub trait Door: Send + Sync {
     fn discover(&self, address: Option<&str>, credentials: Option<&str>)
     -> Result<FoundCameras, EngineError>;
 
-    /// What nobody may see of a camera's pictures, by its own zones.
+    /// Zones of the camera itself, and those lifted: what nobody may see of its pictures.
     ///
     /// # Errors
     /// [`EngineError::NoCamera`].

@@ -89,7 +89,7 @@ impl Privacy {
 pub(super) struct CameraPrivacy {
     state: Mutex<State>,
     pool: Arc<BufferPool>,
-    /// What is remembered of the camera, once anything is.
+    /// Memory of the camera, once it has any.
     remains: OnceLock<Remains>,
 }
 
@@ -99,12 +99,12 @@ struct State {
     own: Arc<Privacy>,
     /// The zones in force: its own, and those of cameras that are fed by the same.
     privacy: Arc<Privacy>,
-    /// What feeds the camera.
+    /// Source of the camera.
     fed: Option<Fed>,
     changes: u64,
 }
 
-/// What feeds a camera, and its identity as it was opened last.
+/// Source that feeds a camera, and the identity of what it named when it was opened last.
 #[derive(Debug)]
 struct Fed {
     source: SourceSettings,

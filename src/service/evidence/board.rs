@@ -306,7 +306,7 @@ impl Reader<'_> {
         Ok(())
     }
 
-    /// Whether the caller made a snapshot, and not another who had that name before.
+    /// Returns whether the caller made a snapshot, and not another who had that name before.
     async fn is_own(&self, record: &SnapshotRecord) -> Result<bool, EvidenceError> {
         let Some(user) = self.user else { return Ok(false) };
         Ok(self.snapshots.store.is_snapshot_of(record.number, SnapshotOwner::User(user)).await?)

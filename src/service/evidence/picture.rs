@@ -230,7 +230,7 @@ fn camera_document(camera: &CameraId, states: &[CameraSummary], shown_at: Timest
         "name": state.map(|state| state.name.as_str()),
         "state": state.map(|state| state.state.as_str()),
         "state_since": state.map(|state| state.since.as_str()),
-        // Whoever may read the record is told no addresses and paths, whoever made it.
+        // Readers of the record are told no addresses and paths, whoever made it.
         "reason": state.and_then(|state| state.public_reason.as_deref()),
         "size_px": state.and_then(|state| state.size_px),
         "newest_frame_time": newest.map(|newest| newest.to_string()),

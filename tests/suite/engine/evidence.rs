@@ -584,7 +584,7 @@ fn a_request_to_lift_a_hold_ends_by_itself_and_takes_two_users() {
         // The second came too late, and is the first of another.
         assert!(lift(Some("bob")).await.unwrap().annotation.hold);
         assert_eq!(asked().await.unwrap().by, "bob");
-        // Who was made an admin after that, or whose token was, could be the first one's own.
+        // An admin who was made after that, or whose token was, could be the first one's own.
         let asked_at = vault.clock.now();
         vault.clock.advance(Duration::from_secs(1));
         for since in [asked_at, asked_at.saturating_add_nanos(1), vault.clock.now()] {

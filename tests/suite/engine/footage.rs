@@ -32,7 +32,7 @@ fn who_may_manage_a_camera_may_not_name_what_feeds_it() {
         json!({"path": folder.path().join("test.sqlite")}),
         json!({"path": null, "url": "rtsp://127.0.0.1:22/", "from_secs": null, "end": null, "pace": null, "start": null, "rate_hz": null}),
         json!({"path": null, "device": "/dev/video0", "from_secs": null, "end": null, "pace": null, "start": null}),
-        // When it was seen is part of it: recordings lie there by that time.
+        // Times are part of it: recordings lie there by these.
         json!({"start": "2100-01-01T00:00:00Z"}),
         json!({"start": null}),
         json!({"pace": "all", "end": "stop"}),
@@ -195,7 +195,7 @@ fn who_may_not_manage_all_that_show_the_same_hides_nothing_of_it() {
     }
     within(&[("gate", &OFFER)]).hold_privacy("gate", held()).unwrap();
     assert!(is_hidden(&bench, "gate"));
-    // Who may manage both does as an administrator, who is asked for no rights.
+    // Managers of both do as an administrator, who is asked for no rights.
     within(&[("north", &OFFER), ("south", &OFFER)]).hold_privacy("north", held()).unwrap();
     assert!(EACH.iter().all(|id| is_hidden(&bench, id)));
     let lifted = within(&[("north", &OFFER)]).hold_privacy("north", Privacy::default());

@@ -233,7 +233,7 @@ fn two_admins_lift_a_hold_where_that_is_asked_for() {
     let asked = lift("root");
     assert_eq!((asked.status, &asked.body["lift"]["asked_by"]), (202, &json!("root")));
     change("chief", "admin");
-    // Who was made an admin since confirms nothing of before.
+    // An admin who was made since confirms nothing of before.
     assert_eq!(lift("chief").status, 403);
     assert_eq!((house.patch("root", &path, json!({"hold": true})).status, lift("root").status), (200, 202));
     let lifted = lift("chief");
