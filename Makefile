@@ -10,7 +10,7 @@ LISTEN ?= 127.0.0.1:8080
 # Mesa's loader warns about a missing display on machines without one.
 export NODEVICE_SELECT := 1
 
-.PHONY: help setup web demo test test-pages test-lints test-crates check contract fuzz deny bench bundle drivers load pictures clips
+.PHONY: help setup web demo test test-pages test-lints test-crates check contract fuzz deny bench bundle drivers load pictures clips attacks
 
 help:
 	@echo "make setup     install the Debian packages that are missing"
@@ -19,6 +19,7 @@ help:
 	@echo "make test      formatting, lints, documentation and all tests, of the pages too, as CI runs them"
 	@echo "make check     type-check and lint only"
 	@echo "make contract  tries every operation of the interface's contract, as every role (Schemathesis; CASES=20)"
+	@echo "make attacks   attacks a daemon in every way that is known, twenty minutes and more (tests/attacks/run.sh)"
 	@echo "make fuzz      feeds what reads bytes from outside with such as nobody sends, ten minutes each (MINUTES=10)"
 	@echo "make deny      holds the dependencies to deny.toml: advisories, licences, versions, sources (CHECKS=...)"
 	@echo "make bench     the benchmarks"
@@ -76,6 +77,11 @@ check: setup
 contract: setup
 	$(CARGO) build --release --locked
 	tests/contract/run.sh
+
+# ATTACKS="small_leaks ..." and SECONDS_MIXED=... as tests/attacks/run.sh has them; ATTACK=--quick makes it minutes.
+attacks: setup
+	$(CARGO) build --release --locked
+	tests/attacks/run.sh $(ATTACK)
 
 # MINUTES=..., TARGETS="http_pictures ..." and SANITIZER=none as tests/fuzz/run.sh has them; it needs cargo-fuzz (cargo install --locked
 # cargo-fuzz), and the network once.

@@ -11,6 +11,8 @@ packages=(
   gstreamer1.0-plugins-base gstreamer1.0-plugins-good gstreamer1.0-libav gstreamer1.0-plugins-bad
   # Tests alone: an encoder of H.264 (ugly), an RTSP server to play a camera.
   gstreamer1.0-plugins-ugly libgstrtspserver-1.0-dev
+  # Tests alone: the attacks (tests/attacks) are written in it.
+  python3
   # Rendering: the Vulkan loader, and Mesa's drivers with the software rasteriser for machines without a GPU.
   libvulkan1 libegl1 mesa-vulkan-drivers
   # What the README's commands call.

@@ -2,6 +2,7 @@
 
 #![expect(clippy::unwrap_used, reason = "a test that cannot go on fails where it stands")]
 
+mod attacked;
 mod by_itself;
 mod commands;
 mod copies;

@@ -21,6 +21,7 @@ DEMO = ROOT / "config" / "demo"
 PASSWORD = "a password of this house"
 ALL = "*=live,history,export,manage"
 START_SECONDS = 120.0
+CAMERAS = ("west", "east", "north")
 
 CONFIG = """\
 [storage]
@@ -33,6 +34,7 @@ folder = "archive"
 segment_secs = 5
 min_free_mib = 0
 export_gib = 0.05
+{archive}
 [accuracy]
 measure_at_start = false
 [timeline]
@@ -73,12 +75,12 @@ class House:
     """A running daemon: `root` (admin), `olga` (operator with every right), `otto` (operator who manages west alone), `vera` (viewer
     who sees west alone), and their tokens."""
 
-    def __init__(self, daemon, storage="", more="", sign=False):
+    def __init__(self, daemon, storage="", archive="", more="", sign=False):
         self.binary = os.path.abspath(daemon)
         self.folder = pathlib.Path(tempfile.mkdtemp(prefix="videofields-attack-"))
         self.daemon, self.log_bytes, self.log_tail = None, 0, b""
         try:
-            self._prepare(storage, more, sign)
+            self._prepare(storage, archive, more, sign)
             self._start()
         except BaseException:
             self.close()
@@ -103,13 +105,13 @@ class House:
         kept = {name: value for name, value in os.environ.items() if not name.startswith(("VIDEOFIELDS_", "RUST_LOG"))}
         return kept | {"NODEVICE_SELECT": "1"}
 
-    def _prepare(self, storage, more, sign):
+    def _prepare(self, storage, archive, more, sign):
         (self.folder / "films").mkdir()
         if sign:
             storage += '\naudit_key = "audit.key"'
-        cameras = "".join(CAMERA.format(id=of, clips=DEMO / "clips") for of in ("west", "east", "north"))
+        cameras = "".join(CAMERA.format(id=of, clips=DEMO / "clips") for of in CAMERAS)
         self.config = self.folder / "attacks.toml"
-        self.config.write_text(CONFIG.format(storage=storage, clips=DEMO / "clips", cameras=cameras, demo=DEMO, more=more))
+        self.config.write_text(CONFIG.format(storage=storage, archive=archive, clips=DEMO / "clips", cameras=cameras, demo=DEMO, more=more))
         config = str(self.config)
         if sign:
             # The key is made before the configuration names it.
@@ -137,8 +139,8 @@ class House:
         root, end = self.caller("root"), time.monotonic() + START_SECONDS
         while True:
             ready = root.get("/readyz")
-            live = [camera.get("state") for camera in root.get("/api/v1/cameras").json().get("cameras", [])]
-            if ready.status == 200 and live == ["live"] * 3:
+            live = {camera["id"]: camera["state"] for camera in root.get("/api/v1/cameras").json().get("cameras", [])}
+            if ready.status == 200 and all(live.get(of) == "live" for of in CAMERAS):
                 break
             if self.daemon.poll() is not None or time.monotonic() > end:
                 raise RuntimeError(f"the daemon is not ready: {ready.text} {live}\n{self.log()}")
