@@ -11,7 +11,7 @@ import time
 
 from harness import Crowd, House, Report, Victim, arguments
 
-PAIRS = [{"pixel": [10.0 + 7 * i % 600, 20.0 + 11 * i % 330], "point_m": [i % 7, i % 5, 0.1 * (i % 3)]} for i in range(500)]
+PAIRS = [{"picture_px": [10.0 + 7 * i % 600, 20.0 + 11 * i % 330], "place_m": [i % 7, i % 5, 0.1 * (i % 3)]} for i in range(500)]
 
 
 def instant(seconds_back):
@@ -24,12 +24,12 @@ def attacks(house):
     year, now, recent = instant(364 * 86400), instant(0), instant(60)
     span = f"from={year}&to={now}"
     return {
-        "timeline of a year": ("olga", "GET", f"/api/v1/scenes/plaza/timeline?{span}&resolution=60", None),
+        "timeline of a year": ("olga", "GET", f"/api/v1/scenes/plaza/timeline?{span}&resolution=31622", None),
         "tracks of a year": ("olga", "GET", f"/api/v1/scenes/plaza/tracks?{span}&limit=1000", None),
         "paths of a day": ("olga", "GET", f"/api/v1/scenes/plaza/entities/paths?from={instant(86000)}&to={now}&limit=1000", None),
         "activity of a year": ("olga", "GET", f"/api/v1/activity?{span}&step=31622", None),
         "alignment": ("olga", "GET", "/api/v1/scenes/plaza/alignment", None),
-        "strips of 48 pictures": ("olga", "GET", f"/api/v1/cameras/west/strip.jpg?from={recent}&to={now}&count=48&height=36{{m}}", None),
+        "strips of 48 pictures": ("olga", "GET", f"/api/v1/cameras/west/strip.jpg?from={recent}&to={now}&count=48&height=10{{m}}", None),
         "pictures of the past": ("olga", "GET", f"/api/v1/cameras/west/frame.png?t={{past}}", None),
         "views of the past": ("olga", "GET", "/api/v1/scenes/plaza/view.jpg?width=320&height=180&t={past}", None),
         "plans": ("olga", "GET", "/api/v1/scenes/plaza/plan?width=7680&height=4320&eye=-{n}.01,-14,6&target=0,0,1", None),

@@ -13,7 +13,7 @@ cd "$(dirname "$0")/../.."
 here=tests/attacks
 videofields=${VIDEOFIELDS:-target/release/videofields}
 mixed_secs=${SECONDS_MIXED:-900}
-all="strangers_hold_places strangers_fill manage_opens_nothing evidence_stays clock_ahead one_user_takes_all users_fill
+all="strangers_hold_places strangers_fill manage_opens_nothing evidence_stays clock_ahead one_user_takes_all users_together users_fill
   renderer_is_shared audit_tells small_leaks slow_readers odd_requests expensive_routes mixed"
 attacks=${ATTACKS:-$all}
 [[ -x $videofields ]] || { echo "there is no $videofields: build it (cargo build --release --locked), or name one in VIDEOFIELDS" >&2; exit 1; }
