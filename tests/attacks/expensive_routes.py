@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Routes that cost the daemon much and the caller little, asked without end by one viewer or operator, or an admin's lists by a screen.
+"""Routes that cost the daemon much and the caller little, asked without end by one operator.
 
 Each is asked by sixteen connections of one user, over the largest stretch of time that it takes.
 """
@@ -20,7 +20,7 @@ def instant(seconds_back):
 
 
 def attacks(house):
-    """Per name: user, method, path and body; `{n}` is another number each time."""
+    """Returns, per name, user, method, path and body; `{n}` is another number each time."""
     year, now, recent = instant(364 * 86400), instant(0), instant(60)
     span = f"from={year}&to={now}"
     return {

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Who manages one camera opens no other: neither its film, nor the archive, nor sealed snapshots, nor ports of the network.
+"""A manager of one camera opens no other: neither its film, nor the archive, nor sealed snapshots, nor ports of the network.
 
 The harm as it was: an operator who may manage `west` alone set its source to another camera's film, to the archive and to sealed
 snapshots, past privacy zones, and scanned ports by the reasons that the camera's state told.
@@ -19,7 +19,7 @@ NO_FILE = {key: None for key in ("path", "end", "from_secs", "rate_hz", "pace", 
 
 
 def shape(answer):
-    """What an answer tells, but for the names that were asked for."""
+    """Returns what an answer tells, but for the names that were asked for."""
     return answer.status, json.dumps(answer.json().get("detail"))
 
 
@@ -107,7 +107,7 @@ def main():
                      f"a zone of `east` hides its film where `west` shows it ({n_clear} bytes of picture, then {n_hidden})",
                      f"a zone of `east` does not hide its film where `west` shows it ({put.status} {put.text[:200]})")
         root.delete(SOURCE)
-        # Whatever else it is that a manager may do: no file is reached by names of assets, scenes and calibrations.
+        # No file is reached by names of assets, scenes and calibrations.
         for method, path in (("PUT", "/api/v1/assets/..%2fattacks.toml"), ("GET", "/api/v1/assets/..%2f..%2fattacks.toml"),
                              ("GET", "/api/v1/assets/%2fetc%2fpasswd"), ("GET", "/assets/..%2f..%2fattacks.toml")):
             answer = otto.ask(method, path, b"x" if method == "PUT" else None)

@@ -18,7 +18,7 @@ SOCKET = "Connection: Upgrade\r\nUpgrade: websocket\r\nSec-WebSocket-Version: 13
 
 
 def reader(house, user, path, fields="", then=None):
-    """Asks, and takes a byte ten times a second; `then` is sent again and again besides."""
+    """Returns an attack that asks, and takes a byte ten times a second; `then` is sent again and again besides."""
     def attack(idx, crowd):
         with connect(house.port, receive_bytes=2048) as stream:
             key = base64.b64encode(os.urandom(16)).decode()

@@ -25,7 +25,7 @@ def png(level):
 
 
 def alike(answer, name):
-    """What an answer tells, but for the name that was asked for and what differs each time."""
+    """Returns what an answer tells, but for the name that was asked for and what differs each time."""
     text = re.sub(r'; did you mean \\"(west|plaza)\\"\?', ";", answer.text.replace(name, "NAME"))
     return answer.status, text, sorted(field for field in answer.fields if field != "date")
 

@@ -32,7 +32,7 @@ def held(port, request, addresses, drip=None):
                         break
                     read += piece
                     crowd.count(read[9:12].decode("ascii", "replace"))
-                    # Whoever was refused comes again, as an attacker would.
+                    # One that was refused comes again, as an attacker would.
                     break
                 except socket.timeout:
                     if drip:

@@ -43,7 +43,7 @@ class Answer:
 
 
 class Caller:
-    """Somebody who asks: by a token, a cookie or nothing, from a loopback address, over a connection that is kept or is new each time."""
+    """Caller of the daemon: by a token, a cookie or nothing, from a loopback address, over a connection that is kept or is new each time."""
 
     def __init__(self, port, token=None, address="127.0.0.1", keep=False, seconds=ANSWER_SECONDS):
         self.port, self.token, self.address, self.keep, self.seconds = port, token, address, keep, seconds

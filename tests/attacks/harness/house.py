@@ -64,7 +64,7 @@ def arguments(description, seconds):
     parser.add_argument("--quick", action="store_true",
                         help="a few seconds: answers, memory and rows are judged, and times are printed alone")
     found = parser.parse_args()
-    # Whoever ends the script by a signal ends its daemon and takes its folder away too.
+    # A signal that ends the script ends its daemon and takes its folder away too.
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))
     if found.quick:
         found.seconds = min(found.seconds, 3.0)
@@ -145,6 +145,7 @@ class House:
             if self.daemon.poll() is not None or time.monotonic() > end:
                 raise RuntimeError(f"the daemon is not ready: {ready.text} {live}\n{self.log()}")
             time.sleep(0.2)
+        self.ready_at = time.monotonic()
         # The first picture makes the device's programs.
         root.get("/api/v1/scenes/plaza/view.jpg?width=320&height=180&entities=none")
 

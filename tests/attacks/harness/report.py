@@ -55,9 +55,14 @@ class Report:
         self.table(["", *heads], [[stage, *(figures[head] for head in heads)] for stage, figures in stages.items()])
 
     def victims(self, stages):
-        """A table of `{stage: Victim}`."""
+        """A table of `{stage: Victim}`, and whether the machine was quiet: other work moves these times more than any attack."""
         rows = [[f"{kind}, {stage}", *of.row(kind)] for kind in Victim.KINDS for stage, of in stages.items()]
         self.table(["owner's requests", "answered", "not", "p50 ms", "p99 ms", "most ms"], rows)
+        before, after = (stages.get(stage) for stage in ("alone", "alone, after"))
+        for kind in Victim.KINDS if before and after else ():
+            ends = sorted((before.p(kind, 0.99), after.p(kind, 0.99)))
+            if ends[1] > MOST_TIMES * ends[0]:
+                self.say(f"the machine is not quiet: without an attacker the owner's p99 for {kind} is {ends[0]:.0f} and {ends[1]:.0f} ms")
 
     def judge_victim(self, before, during, name, kinds=Victim.KINDS):
         """Judges that the owner is answered, and about as fast as without an attacker."""

@@ -93,7 +93,7 @@ def main(port, token, seconds, first_view):
             else:
                 why = str(answer.status or answer.why)
                 found[kind]["failures"][why] = found[kind]["failures"].get(why, 0) + 1
-            # What is late is not made up for.
+            # Time that was lost is not made up for.
             due = max(due + period_seconds, time.monotonic())
             time.sleep(max(0.0, due - time.monotonic()))
 
