@@ -9,7 +9,7 @@ import sys
 import threading
 import time
 
-from harness import Crowd, House, Report, Victim, arguments
+from harness import Crowd, House, Report, arguments
 
 PAIRS = [{"picture_px": [10.0 + 7 * i % 600, 20.0 + 11 * i % 330], "place_m": [i % 7, i % 5, 0.1 * (i % 3)]} for i in range(500)]
 
@@ -52,9 +52,7 @@ def main():
         all_of = attacks(house)
         if given.quick:
             all_of = {name: all_of[name] for name in ("timeline of a year", "pictures of the past")}
-        stages = {"alone": Victim.measure(house, given.seconds)}
-        house.settle()
-        figures = {"before": house.figures()}
+        report.begin(house)
         local = threading.local()
         for name, (user, method, path, body) in all_of.items():
             def attack(idx, crowd, user=user, method=method, path=path, body=body):
@@ -64,19 +62,8 @@ def main():
                 past = int((last - 1 - local.n % 97 / 10) * 1e9)
                 target = path.format(n=local.n % 97, m=local.n % 10, past=past, snapshot=snapshot)
                 crowd.count_answer(local.caller.ask(method, target, body))
-            with Crowd(name, 16, attack, 0.01) as crowd:
-                time.sleep(1.0)
-                stages[name] = Victim.measure(house, given.seconds, len(stages) * 250)
-                figures[name] = house.figures()
-                report.counts(name, crowd.stop())
-        stages["alone, after"] = Victim.measure(house, given.seconds, 3900)
-        figures["after"] = house.figures()
-        report.victims(stages)
-        report.figures(figures)
-        before = stages["alone"].with_more(stages["alone, after"])
-        for name in all_of:
-            report.judge_victim(before, stages[name], name)
-        report.alive(house)
+            report.attack(house, name, lambda: Crowd(name, 16, attack, 0.01), given.seconds)
+        report.end(house)
     return report.done()
 
 

@@ -158,7 +158,7 @@ def main():
         for more in minutes[1:]:
             beside = beside.with_more(more)
         report.table(["attackers", "what they met"], [[name, ", ".join(f"{what}: {n}" for what, n in sorted(of.items()))] for name, of in counts.items()])
-        report.victims({"alone": alone, "beside all": beside})
+        report.victims({"mixed load": (alone, beside)})
         report.figures(figures)
         memory(report, samples, warm)
         for name, of in counts.items():

@@ -8,7 +8,7 @@ import sys
 import time
 import zlib
 
-from harness import Crowd, House, Report, Victim, arguments, ask
+from harness import Crowd, House, Report, arguments, ask
 from harness.callers import connect
 
 MOST_MIB = 96.0
@@ -99,11 +99,12 @@ def pipelines(house):
     return attack
 
 
-def bombs(house, body):
-    """One large body after the other, each to a named view."""
+def bombs(house, body, user="olga"):
+    """One large body after the other: of an operator to a named view, of a viewer for a token."""
     def attack(idx, crowd):
-        caller = house.caller("olga")
-        crowd.count_answer(caller.put_new(f"/api/v1/views/bomb{idx}", body))
+        caller = house.caller(user)
+        is_viewer = user == "vera"
+        crowd.count_answer(caller.post("/api/v1/tokens", body) if is_viewer else caller.put_new(f"/api/v1/views/bomb{idx}", body))
     return attack
 
 
@@ -111,9 +112,8 @@ def main():
     given = arguments(__doc__, 12.0)
     report = Report("Odd requests", given.quick)
     with House(given.daemon) as house:
-        stages = {"alone": Victim.measure(house, given.seconds)}
-        house.settle()
-        figures, began, rows = {"before": house.figures()}, house.rss_mib(), []
+        report.begin(house)
+        began, rows = house.rss_mib(), []
         for name, (request, right) in shots(house).items():
             begin = time.monotonic()
             met = status(ask(house.port, request))
@@ -121,26 +121,15 @@ def main():
             report.check(met in right, f"{name}: {met}", f"{name}: {met}, not one of {right}")
             report.check(house.is_alive(), f"{name}: the daemon lives")
         report.table(["request", "KiB", "status", "ms"], rows)
-        figures["each once"] = house.figures()
+        report.stages["each once"] = house.figures()
         floods = {"32 pipelines of 200 requests": (32, pipelines(house)), "16 floods of nested bodies": (16, bombs(house, b"[" * 900_000)),
-                  "16 floods of 60,000 members": (16, bombs(house, MEMBERS))}
+                  "16 floods of 60,000 members": (16, bombs(house, MEMBERS)),
+                  "2 floods of 60,000 members by a viewer": (2, bombs(house, MEMBERS, "vera"))}
         for name, (n, attack) in ({} if given.quick else floods).items():
-            with Crowd(name, n, attack, 0.02) as crowd:
-                time.sleep(1.0)
-                stages[name] = Victim.measure(house, given.seconds, len(stages) * 500)
-                figures[name] = house.figures()
-                report.counts(name, crowd.stop())
-        stages["alone, after"] = Victim.measure(house, given.seconds, 3900)
-        figures["after"] = house.figures()
-        report.victims(stages)
-        report.figures(figures)
-        before = stages["alone"].with_more(stages["alone, after"])
-        for name in stages:
-            if not name.startswith("alone"):
-                report.judge_victim(before, stages[name], name)
+            report.attack(house, name, lambda: Crowd(name, n, attack, 0.02), given.seconds)
         more = house.rss_mib() - began
         report.check(more <= MOST_MIB, f"memory is {more:+.0f} MiB (at most {MOST_MIB:.0f})")
-        report.alive(house)
+        report.end(house)
     return report.done()
 
 

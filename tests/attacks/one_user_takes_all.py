@@ -5,11 +5,12 @@ The harm as it was: one operator used up all 4096 tokens, all sessions, all plac
 views and playheads; an attacker's wrong passwords made the owner's right one 429.
 """
 
+import collections
 import sys
 import threading
 import time
 
-from harness import Crowd, House, Report, Victim, arguments
+from harness import Crowd, House, Report, arguments
 from harness.callers import connect
 from harness.house import PASSWORD
 
@@ -34,6 +35,32 @@ def take(house, user, n, path, fields="", address="127.0.0.1"):
         else:
             stream.close()
     return held, statuses
+
+
+class Held:
+    """Streams of one user, as many as it gets, while others get theirs; it stands in the place of a crowd."""
+
+    def __init__(self, house, report, name, path, fields):
+        self.house, self.report, self.name, self.path, self.fields = house, report, name, path, fields
+
+    def __enter__(self):
+        self.held, self.met = take(self.house, "olga", 120, self.path, self.fields)
+        n, statuses = len(self.held), {}
+        for user in ("vera", "root"):
+            more, statuses[user] = take(self.house, user, 1, self.path, self.fields)
+            self.held += more
+        self.report.check(all(met.keys() <= {"200", "101"} for met in statuses.values()),
+                          f"{self.name}: one user got {n} of 120 ({self.met}), others get theirs",
+                          f"{self.name}: one user got {n} of 120, others {statuses}")
+        return self
+
+    def stop(self):
+        for stream in self.held:
+            stream.close()
+        return collections.Counter(self.met)
+
+    def __exit__(self, *_):
+        self.stop()
 
 
 def make(house, report):
@@ -82,7 +109,7 @@ def main():
     given = arguments(__doc__, 12.0)
     report = Report("One user takes all", given.quick)
     with House(given.daemon) as house:
-        stages, figures = {"alone": Victim.measure(house, given.seconds)}, {"before": house.figures()}
+        report.begin(house)
         make(house, report)
         sessions(house, report, 8 if given.quick else 80)
         passwords(house, report)
@@ -93,17 +120,7 @@ def main():
             "WebSockets": ("/api/v1/scenes/plaza/frames?width=64&height=48&rate=1", SOCKET),
         }
         for name, (path, fields) in kinds.items():
-            held, met = take(house, "olga", 120, path, fields)
-            others = {user: take(house, user, 1, path, fields) for user in ("vera", "root")}
-            try:
-                good = all(found[1].keys() <= {"200", "101"} for found in others.values())
-                report.check(good, f"{name}: one user got {len(held)} of 120 ({met}), others get theirs",
-                             f"{name}: one user got {len(held)} of 120, others {({user: found[1] for user, found in others.items()})}")
-                stages[name] = Victim.measure(house, given.seconds, len(stages) * 1000)
-                figures[name] = house.figures()
-            finally:
-                for stream in [*held, *(stream for found in others.values() for stream in found[0])]:
-                    stream.close()
+            report.attack(house, name, lambda: Held(house, report, name, path, fields), given.seconds)
             time.sleep(1.0)
         # Requests without end, by one user, of whatever is cheap.
         paths = ["/api/v1/cameras", "/api/v1/system", "/api/v1/events", "/api/v1/scenes/plaza", "/api/v1/openapi.json"]
@@ -114,18 +131,8 @@ def main():
                 local.caller = house.caller("olga", keep=True)
             crowd.count_answer(local.caller.get(paths[idx % len(paths)]))
         name = "64 connections that ask without end"
-        with Crowd(name, 64, flood, 0.02) as crowd:
-            time.sleep(1.0)
-            stages[name] = Victim.measure(house, given.seconds, len(stages) * 1000)
-            figures[name] = house.figures()
-            report.counts(name, crowd.stop())
-        stages["alone, after"] = Victim.measure(house, given.seconds, 3900)
-        report.victims(stages)
-        report.figures(figures)
-        before = stages["alone"].with_more(stages["alone, after"])
-        for name in [*kinds, name]:
-            report.judge_victim(before, stages[name], name)
-        report.alive(house)
+        report.attack(house, name, lambda: Crowd(name, 64, flood, 0.02), given.seconds)
+        report.end(house)
     return report.done()
 
 

@@ -6,9 +6,9 @@ an answer. Two operators at once are tried too, and the same by streams, walls a
 """
 
 import sys
-import time
 
-from harness import Crowd, House, Report, Victim, arguments
+from harness import Crowd, House, Report, arguments
+from harness.callers import connect
 
 LARGE = "width=6000&height=5000&entities=hulls&eye={x:.3f},{y:.2f},6&target=0,0,1"
 
@@ -26,7 +26,6 @@ def views(house, users):
 
 def streams(house, users):
     def attack(idx, crowd):
-        from harness.callers import connect
         with connect(house.port) as stream:
             query = f"width=1920&height=1080&rate=25&entities=hulls&eye={-14 + 0.1 * idx},-14,6&target=0,0,1"
             stream.sendall(f"GET /api/v1/scenes/plaza/view.mjpeg?{query} HTTP/1.1\r\nhost: localhost\r\n"
@@ -51,26 +50,12 @@ def main():
                     "16 streams of 1920 x 1080": (streams, 16, ["olga"])}
     with House(given.daemon) as house:
         house.caller("olga").get("/api/v1/scenes/plaza/view.jpg?width=320&height=180&entities=hulls")
-        stages = {"alone": Victim.measure(house, given.seconds)}
-        figures = {"before": house.figures()}
+        report.begin(house)
         for name, (attack, n, users) in attacks.items():
-            with Crowd(name, n, attack(house, users), 0.05) as crowd:
-                time.sleep(3)
-                stages[name] = Victim.measure(house, given.seconds, len(stages) * 1000)
-                figures[name] = house.figures()
-                counts = crowd.stop()
-            report.counts(f"{name}, attackers met", counts)
+            counts = report.attack(house, name, lambda: Crowd(name, n, attack(house, users), 0.05), given.seconds)
             report.check(not any(what.startswith("undescribed") for what in counts), f"{name}: all refusals are described",
                          f"{name}: some refusals are not described: {dict(counts)}")
-        house.settle(10)
-        stages["alone, after"] = Victim.measure(house, given.seconds, 3000)
-        figures["after"] = house.figures()
-        report.victims(stages)
-        report.figures(figures)
-        before = stages["alone"].with_more(stages["alone, after"])
-        for name in attacks:
-            report.judge_victim(before, stages[name], name)
-        report.alive(house)
+        report.end(house)
     return report.done()
 
 

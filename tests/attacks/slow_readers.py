@@ -10,7 +10,7 @@ import struct
 import sys
 import time
 
-from harness import Crowd, House, Report, Victim, arguments
+from harness import Crowd, House, Report, arguments
 from harness.callers import connect
 
 MOST_MIB = 160.0
@@ -75,25 +75,13 @@ def main():
         }
         if given.quick:
             attacks = {name: attacks[name] for name in ("72 streams of views",)}
-        stages = {"alone": Victim.measure(house, given.seconds)}
-        house.settle()
-        figures, began, most = {"before": house.figures()}, house.rss_mib(), {}
+        report.begin(house)
+        began = house.rss_mib()
         for name, (n, attack) in attacks.items():
-            with Crowd(name, n, attack) as crowd:
-                time.sleep(2.0)
-                stages[name] = Victim.measure(house, given.seconds, len(stages) * 500)
-                figures[name], most[name] = house.figures(), house.rss_mib() - began
-                report.counts(name, crowd.stop())
-        time.sleep(2.0)
-        stages["alone, after"] = Victim.measure(house, given.seconds, 3900)
-        figures["after"] = house.figures()
-        report.victims(stages)
-        report.figures(figures)
-        before = stages["alone"].with_more(stages["alone, after"])
-        for name in attacks:
-            report.judge_victim(before, stages[name], name)
-            report.check(most[name] <= MOST_MIB, f"{name}: memory is {most[name]:+.0f} MiB (at most {MOST_MIB:.0f})")
-        report.alive(house)
+            report.attack(house, name, lambda: Crowd(name, n, attack), given.seconds)
+            more = float(report.stages[name]["daemon MiB"]) - began
+            report.check(more <= MOST_MIB, f"{name}: memory is {more:+.0f} MiB (at most {MOST_MIB:.0f})")
+        report.end(house)
     return report.done()
 
 

@@ -7,9 +7,8 @@ rows of the audit log in 30 s.
 
 import json
 import sys
-import time
 
-from harness import Crowd, House, Report, Victim, arguments, ask
+from harness import Crowd, House, Report, arguments, ask
 from harness.callers import Caller
 
 MOST_MIB, MOST_ROWS, MOST_LOG_KIB, MOST_DATABASE_MIB = 48.0, 64, 64.0, 4.0
@@ -78,27 +77,13 @@ def main():
         attacks |= {"many names from 2000 addresses": many_names, "many routes, methods and fields": many_routes,
                     "bodies without end": endless_bodies}
     with House(given.daemon) as house:
-        stages = {"alone": Victim.measure(house, given.seconds)}
-        house.settle()
-        figures = {"before": house.figures()}
+        report.begin(house)
         began = (house.rss_mib(), house.n_audit_rows(of_strangers=True), house.log_bytes, house.database_mib())
-        counts = {}
+        n = 0
         for name, attack in attacks.items():
-            with Crowd(name, 8, attack(house.port)) as crowd:
-                time.sleep(0.5)
-                stages[name] = Victim.measure(house, given.seconds, len(stages) * 1000)
-                counts[name] = crowd.stop()
-            figures[name] = house.figures()
-            report.counts(f"{name}, attackers met", counts[name])
+            n += sum(report.attack(house, name, lambda: Crowd(name, 8, attack(house.port)), given.seconds).values())
         ended = (house.rss_mib(), house.n_audit_rows(of_strangers=True), house.log_bytes, house.database_mib())
-        stages["alone, after"] = Victim.measure(house, given.seconds, 3000)
-        report.victims(stages)
-        report.figures(figures)
-        before = stages["alone"].with_more(stages["alone, after"])
-        for name in attacks:
-            report.judge_victim(before, stages[name], name)
         more = [end - begin for begin, end in zip(began, ended)]
-        n = sum(sum(found.values()) for found in counts.values())
         report.say(f"{n} requests of strangers: {more[0]:+.0f} MiB, {more[1]:+d} rows, {more[2] / 1024:+.1f} KiB of log, "
                    f"{more[3]:+.2f} MiB of database")
         report.check(more[0] <= MOST_MIB, f"memory grew by {more[0]:.0f} MiB (at most {MOST_MIB:.0f})")
@@ -110,7 +95,7 @@ def main():
         report.check(more[3] <= MOST_DATABASE_MIB, f"the database grew by {more[3]:.2f} MiB (at most {MOST_DATABASE_MIB:.0f})")
         log = house.log()
         report.check("\x1b[31mforged" not in log and "\nforged" not in log, "no stranger wrote a line or a colour into the log")
-        report.alive(house)
+        report.end(house)
     return report.done()
 
 

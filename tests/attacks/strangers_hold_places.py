@@ -9,7 +9,7 @@ import socket
 import sys
 import time
 
-from harness import Crowd, House, Report, Victim, arguments
+from harness import Crowd, House, Report, arguments
 from harness.callers import connect
 from harness.house import PASSWORD
 
@@ -54,37 +54,23 @@ def main():
             ("64 bodies that never come, 20 addresses", 64, BODY, many, None),
         ]
     with House(given.daemon) as house:
-        stages, figures = {"alone": Victim.measure(house, given.seconds)}, {"before": house.figures()}
-        log_ins = {}
+        report.begin(house)
         for name, n, request, addresses, drip in attacks:
-            with Crowd(name, n, held(house.port, request, addresses, drip)) as crowd:
-                time.sleep(1.5)
-                victim = Victim.begin(house, given.seconds, len(stages) * 1000)
-                good, end = [], time.monotonic() + given.seconds
+            met = []
+
+            def log_in(end, met=met):
                 while time.monotonic() < end:
-                    answer = house.log_in("root", PASSWORD, "127.0.0.99")
-                    good.append(answer.status if answer.status else answer.why)
+                    met.append(house.log_in("root", PASSWORD, "127.0.0.99").status)
                     time.sleep(1.0)
-                stages[name] = Victim.finish(victim)
-                figures[name] = house.figures()
-                log_ins[name] = (sum(found == 200 for found in good), len(good))
-                crowd.stop()
-            report.counts(f"{name}, attackers met", crowd.counts)
-        stages["alone, after"] = Victim.measure(house, given.seconds, 3000)
-        figures["after"] = house.figures()
-        report.victims(stages)
-        report.figures(figures)
-        before = stages["alone"].with_more(stages["alone, after"])
-        for name, _, request, addresses, _ in attacks:
-            report.judge_victim(before, stages[name], name)
-            answered, n = log_ins[name]
-            text = f"{name}: {answered} of {n} of the owner's log-ins were answered"
+            report.attack(house, name, lambda: Crowd(name, n, held(house.port, request, addresses, drip)), given.seconds, log_in)
+            answered = sum(status == 200 for status in met)
+            text = f"{name}: {answered} of {len(met)} of the owner's log-ins were answered (without and beside)"
             if request == BODY and len(addresses) > 1:
                 # docs/decisions/0034-trust.md: strangers of six addresses and more can take all of the strangers' places.
                 report.limit(text)
             else:
-                report.check(answered == n, text)
-        report.alive(house)
+                report.check(answered == len(met), text)
+        report.end(house)
     return report.done()
 
 

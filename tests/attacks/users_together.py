@@ -8,7 +8,7 @@ import sys
 import threading
 import time
 
-from harness import Crowd, House, Report, Victim, arguments
+from harness import Crowd, House, Report, arguments
 from harness.callers import connect
 from one_user_takes_all import SOCKET, take
 
@@ -53,7 +53,7 @@ def main():
         for user in USERS:
             root.put_new(f"/api/v1/users/{user}", {"role": "viewer", "cameras": {"west": ["live", "history"]}})
             house.tokens[user] = root.post("/api/v1/tokens", {"user": user}).json()["token"]
-        stages, figures = {"alone": Victim.measure(house, given.seconds)}, {"before": house.figures()}
+        report.begin(house)
         for name, path, fields in (("listening to events", "/api/v1/events/stream", ""),
                                    ("streams of views", "/api/v1/scenes/plaza/view.mjpeg?width=64&height=48&rate=1", ""),
                                    ("WebSockets", "/api/v1/scenes/plaza/frames?width=64&height=48&rate=1", SOCKET)):
@@ -69,25 +69,16 @@ def main():
             time.sleep(1.0)
         attacks = {"slow bodies of six users": (120, slow_bodies(house)), "strips of six users": (120, strips(house, begun))}
         for name, (n, attack) in attacks.items():
-            with Crowd(name, n, attack, 0.02) as crowd:
-                time.sleep(2.0)
-                victim, statuses = Victim.begin(house, given.seconds, len(stages) * 500), {}
-                end = time.monotonic() + given.seconds
+            statuses = {}
+
+            def change(end, statuses=statuses):
                 while time.monotonic() < end:
                     answer = root.ask("PUT", "/api/v1/playheads/admin", {"scene": "plaza"})
                     statuses[answer.status] = statuses.get(answer.status, 0) + 1
                     time.sleep(0.5)
-                stages[name] = Victim.finish(victim)
-                figures[name] = house.figures()
-                report.counts(name, crowd.stop())
-            report.check(set(statuses) <= {200, 201}, f"{name}: the admin's changes are answered {statuses}")
-        stages["alone, after"] = Victim.measure(house, given.seconds, 3900)
-        report.victims(stages)
-        report.figures(figures)
-        before = stages["alone"].with_more(stages["alone, after"])
-        for name in attacks:
-            report.judge_victim(before, stages[name], name)
-        report.alive(house)
+            report.attack(house, name, lambda: Crowd(name, n, attack, 0.02), given.seconds, change)
+            report.check(set(statuses) <= {200, 201}, f"{name}: the admin's changes are answered {statuses} (without and beside)")
+        report.end(house)
     return report.done()
 
 
