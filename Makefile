@@ -19,7 +19,7 @@ help:
 	@echo "make test      formatting, lints, documentation and all tests, of the pages too, as CI runs them"
 	@echo "make check     type-check and lint only"
 	@echo "make contract  tries every operation of the interface's contract, as every role (Schemathesis; CASES=20)"
-	@echo "make attacks   attacks a daemon in every way that is known, twenty minutes and more (tests/attacks/run.sh)"
+	@echo "make attacks   attacks a daemon in every way that is known, half an hour (tests/attacks/run.sh)"
 	@echo "make fuzz      feeds what reads bytes from outside with such as nobody sends, ten minutes each (MINUTES=10)"
 	@echo "make deny      holds the dependencies to deny.toml: advisories, licences, versions, sources (CHECKS=...)"
 	@echo "make bench     the benchmarks"
