@@ -152,6 +152,7 @@ def main():
         finally:
             counts = {crowd.name: crowd.stop() for crowd in crowds}
         time.sleep(3.0)
+        house.wait_until_quick(40)
         figures["after"] = house.figures()
         alone = alone.with_more(Victim.measure(house, min(20.0, given.seconds), 3900))
         beside = minutes[0]
