@@ -78,11 +78,20 @@ async fn run(config: &Config, load: Load, announce: impl FnOnce(&str)) -> Result
     let accounts =
         Accounts::open(store.clone(), Arc::clone(&clock)).await.context("cannot read the users")?;
     let accounts = Arc::new(accounts);
-    if accounts.is_open() && !listen.ip().is_loopback() {
-        bail!(
-            "{listen} can be reached from other machines, and while there are no users everybody may do everything: make \
-             the first with `videofields user FILE set NAME --role admin --password`"
-        );
+    if accounts.is_open() {
+        let way_in = if !listen.ip().is_loopback() {
+            Some(format!("{listen} can be reached from other machines"))
+        } else if !settings.server.trusted_proxies.is_empty() {
+            Some("the proxies of `server.trusted_proxies` let other machines in".to_owned())
+        } else {
+            None
+        };
+        if let Some(way_in) = way_in {
+            bail!(
+                "{way_in}, and while there are no users everybody may do everything: make the first with \
+                 `videofields user FILE set NAME --role admin --password`"
+            );
+        }
     }
     let metrics = Arc::new(Metrics::new());
     if let Some(spans) = telemetry::spans() {

@@ -9,6 +9,20 @@ use videofields_testing::tls::{self, Files};
 use videofields_testing::wait_for;
 
 #[test]
+fn a_proxy_that_lets_others_in_is_taken_with_users_alone() {
+    let folder = TempDir::new().unwrap();
+    let config = demo(folder.path());
+    let text = std::fs::read_to_string(&config).unwrap();
+    let listening = "[server]\nlisten = \"127.0.0.1:8080\"";
+    assert!(text.contains(listening), "{text}");
+    let proxied = "[server]\nlisten = \"127.0.0.1:0\"\ntrusted_proxies = [\"127.0.0.1/32\"]";
+    std::fs::write(&config, text.replace(listening, proxied)).unwrap();
+    let refused = run(videofields().args(["serve", "--config"]).arg(&config));
+    assert_eq!(refused.status, Some(1), "{}", refused.stderr);
+    assert!(refused.stderr.contains("`server.trusted_proxies` let other machines in"), "{}", refused.stderr);
+}
+
+#[test]
 fn other_machines_come_in_encrypted_and_to_users_alone() {
     let folder = TempDir::new().unwrap();
     let (files, first) = Files::new();

@@ -23,7 +23,7 @@ pub(super) fn look(config: &Config) -> Vec<Line> {
         lines.push(certificate(&server.certificate));
         lines.push(private_key(server));
     }
-    if !server.listen.ip().is_loopback() {
+    if !server.listen.ip().is_loopback() || !server.trusted_proxies.is_empty() {
         lines.push(users(&config.settings().storage.database));
     }
     lines
