@@ -38,7 +38,10 @@ const STRANGERS_GREED: usize = 1;
 /// Most bytes of a stranger's body: a name and a password.
 const STRANGERS_BYTES: usize = 8 << 10;
 
-/// Longest time until a stranger's body is there.
+/// Time within which a stranger's body takes no place: those of programs that mean no harm come with the request's head.
+const STRANGERS_GRACE: Duration = Duration::from_millis(100);
+
+/// Longest time until a stranger's body is there, beyond that.
 const STRANGERS_TIME: Duration = Duration::from_secs(5);
 
 /// The one route that takes a body of strangers.
@@ -194,23 +197,31 @@ async fn received(api: &Api, asker: &Asker, route: &str, request: Request) -> Re
     } else {
         (MAX_BODY_BYTES, api.limits.request_time)
     };
-    let _place = asker.take(&api.admission, Purpose::Body)?;
     let (head, body) = request.into_parts();
     let mut pieces = body.into_data_stream();
     let mut first: Vec<u8> = Vec::new();
-    let receiving = async {
-        while first.len() <= most {
-            match pieces.next().await {
-                Some(Ok(piece)) => first.extend_from_slice(&piece),
-                // Whoever reads it meets the same.
-                Some(Err(error)) => return Some(Err(error)),
-                None => return None,
+    let ended = {
+        let mut receiving = std::pin::pin!(async {
+            while first.len() <= most {
+                match pieces.next().await {
+                    Some(Ok(piece)) => first.extend_from_slice(&piece),
+                    // Whoever reads it meets the same.
+                    Some(Err(error)) => return Some(Err(error)),
+                    None => return None,
+                }
+            }
+            Some(Ok(Bytes::new()))
+        });
+        let at_once =
+            if is_stranger { tokio::time::timeout(STRANGERS_GRACE, &mut receiving).await.ok() } else { None };
+        match at_once {
+            Some(ended) => ended,
+            None => {
+                let _place = asker.take(&api.admission, Purpose::Body)?;
+                let ended = tokio::time::timeout(time, receiving).await;
+                ended.map_err(|_elapsed| Problem::content_too_late(time))?
             }
         }
-        Some(Ok(Bytes::new()))
-    };
-    let Ok(ended) = tokio::time::timeout(time, receiving).await else {
-        return Err(Problem::content_too_late(time));
     };
     if is_stranger && first.len() > most {
         return Err(Problem::content_too_large());

@@ -85,6 +85,30 @@ async fn bodies_that_never_come_keep_nobody_out() {
 }
 
 #[tokio::test]
+async fn bodies_that_never_come_from_many_addresses_keep_nobody_from_logging_in() {
+    let (house, _token) = House::with_admin().await;
+    let served = serve(&house).await;
+    let mut attackers = Vec::new();
+    for idx in 0..80 {
+        let mut stream = connect(&served, 10 + idx % 40).await;
+        let head = "POST /api/v1/session HTTP/1.1\r\nhost: localhost\r\ncontent-length: 60\r\n\r\n{\"user\"";
+        stream.write_all(head.as_bytes()).await.unwrap();
+        attackers.push(stream);
+    }
+    // All places where strangers' bodies come are taken.
+    tokio::time::sleep(Duration::from_millis(500)).await;
+    for _ in 0..5 {
+        let mut owner = connect(&served, 7).await;
+        assert_eq!(status(&mut owner, &log_in("root", PASSWORD)).await, 200);
+    }
+    let mut n_late = 0;
+    for stream in &mut attackers {
+        n_late += usize::from(status(stream, "").await == 408);
+    }
+    assert_eq!(n_late, 32, "all places were taken");
+}
+
+#[tokio::test]
 async fn what_strangers_send_is_bounded_before_it_is_looked_at() {
     let (house, _token) = House::with_admin().await;
     let served = serve(&house).await;
