@@ -85,6 +85,16 @@ impl SignedHead {
         Some((head, Signature::try_from(&self.signature).ok()?))
     }
 
+    /// Writes it alone, unless a later one was written: `written` is the turn of the last.
+    fn write_in_turn(&self, path: &Path, (written, turn): (&Mutex<u64>, u64)) -> std::io::Result<()> {
+        let mut written = written.lock().unwrap_or_else(PoisonError::into_inner);
+        if turn > *written {
+            self.write(path)?;
+            *written = turn;
+        }
+        Ok(())
+    }
+
     /// Puts it in the place of the file at `path`; on the disk when it returns.
     fn write(&self, path: &Path) -> std::io::Result<()> {
         let mut beside = path.as_os_str().to_owned();
@@ -129,11 +139,15 @@ pub struct AuditState {
 pub(super) struct Seal {
     keys: OnceLock<(Arc<SigningKey>, PathBuf)>,
     kept: Mutex<Kept>,
+    /// The turn of the head that was written last; held while one is written.
+    written: Arc<Mutex<u64>>,
 }
 
 #[derive(Debug, Default)]
 struct Kept {
     head: Option<Head>,
+    /// Counts heads: a later one has a greater turn.
+    turn: u64,
     state: AuditState,
 }
 
@@ -159,6 +173,7 @@ impl Seal {
     pub(super) fn remember(&self, head: Head, signature: Option<Signature>) {
         let mut kept = self.kept();
         kept.head = Some(head);
+        kept.turn += 1;
         kept.state.head = (head.number > 0).then(|| (head.number, hex(&head.digest)));
         kept.state.signed = signature.map(|signature| SignedHead::of(head, signature));
     }
@@ -176,10 +191,16 @@ impl Seal {
 
     /// Writes the newest entry's signature into the file of the signed head.
     pub(super) async fn write_head(&self) {
-        let (Some((_, path)), Some(signed)) = (self.keys.get().cloned(), self.state().signed) else { return };
-        let shown = path.display().to_string();
-        let wrote = tokio::task::spawn_blocking(move || signed.write(&path)).await;
-        let failed = match wrote {
+        let Some((_, path)) = self.keys.get().cloned() else { return };
+        let (signed, turn) = {
+            let kept = self.kept();
+            (kept.state.signed.clone(), kept.turn)
+        };
+        let Some(signed) = signed else { return };
+        let (shown, written) = (path.display().to_string(), Arc::clone(&self.written));
+        // It goes on where its caller leaves, and may come to its turn late.
+        let wrote = tokio::task::spawn_blocking(move || signed.write_in_turn(&path, (&written, turn)));
+        let failed = match wrote.await {
             Ok(Ok(())) => return,
             Ok(Err(error)) => error.to_string(),
             Err(panicked) => panicked.to_string(),
@@ -518,5 +539,34 @@ fn takes_over<'a>(
             );
             (notice(at, AUDIT_KEY, format!("{public}#unvouched_after={last}")), key)
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn heads_that_are_written_at_once_or_late_do_no_harm() {
+        let folder = tempfile::TempDir::new().unwrap();
+        let (path, written) = (folder.path().join("head"), Mutex::new(0));
+        let signature =
+            SignatureText::from(Signature { key: PublicKey::from_bytes([1; 32]), bytes: [2; 64] });
+        let head = |turn: u64| SignedHead {
+            number: i64::try_from(turn).unwrap(),
+            digest: hex(&[3; 32]),
+            signature: signature.clone(),
+        };
+        let write = |turn: u64| head(turn).write_in_turn(&path, (&written, turn)).unwrap();
+        std::thread::scope(|scope| {
+            for thread in 0..8 {
+                scope.spawn(move || (0..10).for_each(|round| write(round * 8 + thread + 1)));
+            }
+        });
+        assert_eq!(SignedHead::read(&path).unwrap(), Some(head(80)));
+        write(79);
+        assert_eq!(SignedHead::read(&path).unwrap(), Some(head(80)));
+        write(81);
+        assert_eq!(SignedHead::read(&path).unwrap(), Some(head(81)));
     }
 }

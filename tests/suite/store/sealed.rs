@@ -377,3 +377,29 @@ async fn whoever_reads_a_head_that_is_none_is_told() {
     store.close().await.unwrap();
     assert!(SignedHead::read(Path::new("/nowhere/head")).unwrap().is_none());
 }
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn whoever_leaves_while_the_signed_head_is_written_makes_no_false_alarm() {
+    let site = Site::new();
+    let store = site.start("one", None).await;
+    let number = || store.audit_state().head.map(|(number, _)| number);
+    for i in 0..150 {
+        let (writing, before) = (store.clone(), number());
+        let leaving =
+            tokio::spawn(async move { writing.append_audit(&entry(&format!("/{i}"))).await.unwrap() });
+        while number() == before {
+            tokio::task::yield_now().await;
+        }
+        leaving.abort();
+    }
+    note(&store, "last", 1).await;
+    let state = store.audit_state();
+    assert_eq!(state.fault, None);
+    store.close().await.unwrap();
+    // Those that come late are over.
+    tokio::time::sleep(std::time::Duration::from_millis(100)).await;
+    assert_eq!(SignedHead::read(&site.head).unwrap(), state.signed);
+    let store = site.start("one", None).await;
+    assert_eq!(store.audit_state().fault, None);
+    store.close().await.unwrap();
+}
