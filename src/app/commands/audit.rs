@@ -199,6 +199,12 @@ async fn verify(
     noted: &[(i64, String)],
     (keys, kept): (&[PathBuf], &Kept<'_>),
 ) -> Result<()> {
+    // Before all is looked at: retention may go on meanwhile.
+    let mut there = Vec::new();
+    for (number, digest) in noted {
+        let entry = database.audit(number - 1, 1).await?.pop().filter(|entry| entry.number == *number);
+        there.push((*number, digest, entry));
+    }
     let found = database.check_audit().await?;
     let head =
         found.head.as_ref().map(|head| format!(", the last one's digest is {head}")).unwrap_or_default();
@@ -214,12 +220,13 @@ async fn verify(
     if !keys.is_empty() {
         verify_signatures(database, keys, kept).await?;
     }
-    for (number, digest) in noted {
-        let entry = database.audit(number - 1, 1).await?.pop().filter(|entry| entry.number == *number);
-        if *number <= found.n_removed {
-            bail!("entry {number} was removed for its age; those that are left are chained to it");
-        }
-        let entry = entry.with_context(|| format!("entry {number} is not there"))?;
+    for (number, digest, entry) in there {
+        let Some(entry) = entry else {
+            if number <= found.n_removed {
+                bail!("entry {number} was removed for its age; those that are left are chained to it");
+            }
+            bail!("entry {number} is not there");
+        };
         if entry.digest_text() != *digest {
             bail!("entry {number} has the digest {} and not the one that was noted", entry.digest_text());
         }

@@ -438,11 +438,14 @@ pub(super) async fn page(
 }
 
 async fn check(connection: &mut SqliteConnection, path: &Path) -> Result<AuditCheck, StoreError> {
-    let (n_removed, anchored) = anchor(&mut *connection, path).await?;
+    let classify = |error| StoreError::classify(error, path);
+    // All is read as of one instant: retention may move the base meanwhile. SQLite's log grows for as long as that takes.
+    let mut snapshot = connection.begin().await.map_err(classify)?;
+    let (n_removed, anchored) = anchor(&mut snapshot, path).await?;
     let (mut last, mut before) = (n_removed, anchored);
     let mut fault = None;
     'all: loop {
-        let page = page(&mut *connection, path, last, PAGE).await?;
+        let page = page(&mut snapshot, path, last, PAGE).await?;
         if page.is_empty() {
             break;
         }
@@ -459,5 +462,6 @@ async fn check(connection: &mut SqliteConnection, path: &Path) -> Result<AuditCh
             (last, before) = (record.number, record.digest);
         }
     }
+    snapshot.rollback().await.map_err(classify)?;
     Ok(AuditCheck { n_removed, n_whole: last - n_removed, head: (last > 0).then(|| hex(&before)), fault })
 }

@@ -4,7 +4,7 @@ use super::audit::{AUDIT_RETENTION, AuditRecord, Head, anchor, hex, page, remova
 use super::audit_seal::{AUDIT_KEY, contradiction, signatures};
 use super::{SignedHead, StoreError};
 use crate::signing::{PublicKey, Purpose, Signature};
-use sqlx::SqliteConnection;
+use sqlx::{Connection, SqliteConnection};
 use std::path::Path;
 
 /// Rows that are read at once.
@@ -99,6 +99,20 @@ impl Walk {
 
 /// Verifies the signatures of all entries whose digests were found whole.
 pub(super) async fn verify(
+    connection: &mut SqliteConnection,
+    path: &Path,
+    trusted: &[PublicKey],
+    kept: Option<&SignedHead>,
+) -> Result<SignatureCheck, StoreError> {
+    let classify = |error| StoreError::classify(error, path);
+    // Read as of one instant, as the digests are.
+    let mut snapshot = connection.begin().await.map_err(classify)?;
+    let found = verify_within(&mut snapshot, path, trusted, kept).await?;
+    snapshot.rollback().await.map_err(classify)?;
+    Ok(found)
+}
+
+async fn verify_within(
     connection: &mut SqliteConnection,
     path: &Path,
     trusted: &[PublicKey],

@@ -379,6 +379,46 @@ async fn whoever_reads_a_head_that_is_none_is_told() {
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn what_is_removed_for_its_age_while_the_log_is_looked_at_is_no_fault() {
+    let site = Site::new();
+    let store = open(&site.database).await;
+    note(&store, "", 1100).await;
+    store.close().await.unwrap();
+    let store = site.start("one", None).await;
+    let (stop, stopped) = tokio::sync::watch::channel(());
+    let looks = [0, 1, 2].map(|_| {
+        let (store, stopped) = (store.clone(), stopped.clone());
+        tokio::spawn(async move {
+            let mut faults = Vec::new();
+            while stopped.has_changed().is_ok() {
+                faults.extend(store.check_audit().await.unwrap().fault);
+            }
+            faults
+        })
+    });
+    let (database, public) = (site.database.clone(), site.public("one"));
+    let verifies = tokio::spawn(async move {
+        let mut faults = Vec::new();
+        while stopped.has_changed().is_ok() {
+            let mut database = ReadOnly::open(&database).await.unwrap();
+            faults.extend(database.check_signatures(&[public], None).await.unwrap().fault);
+            database.close().await.unwrap();
+        }
+        faults
+    });
+    // It takes away a page that is to be read next.
+    tokio::time::sleep(std::time::Duration::from_millis(50)).await;
+    store.shorten_audit(at(20), at(60)).await.unwrap().unwrap();
+    tokio::time::sleep(std::time::Duration::from_millis(100)).await;
+    drop(stop);
+    for look in looks {
+        assert_eq!(look.await.unwrap(), Vec::<String>::new());
+    }
+    assert_eq!(verifies.await.unwrap(), Vec::<String>::new());
+    store.close().await.unwrap();
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn whoever_leaves_while_the_signed_head_is_written_makes_no_false_alarm() {
     let site = Site::new();
     let store = site.start("one", None).await;
