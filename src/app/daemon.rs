@@ -172,8 +172,8 @@ async fn run(config: &Config, load: Load, announce: impl FnOnce(&str)) -> Result
     upkeep.spawn(upkeep::follow_accounts(Arc::downgrade(&accounts)));
     upkeep.spawn(upkeep::follow_signals(tls.clone(), Arc::downgrade(&accounts), Arc::clone(&reload), hangup));
     upkeep.spawn(upkeep::shorten_audit(Arc::downgrade(&reload)));
-    upkeep.spawn(audit::watch(store.clone(), Arc::clone(&watched)));
     let tools = (watched, Arc::clone(&clock));
+    upkeep.spawn(audit::watch(store.clone(), tools.clone()));
     upkeep.spawn(audit::anchor(store.clone(), settings.storage.clone(), tools));
     upkeep.spawn(upkeep::mend(Arc::downgrade(&reload)));
     upkeep.spawn(upkeep::keep_awake(engine.handle()));

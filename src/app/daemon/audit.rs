@@ -76,11 +76,11 @@ pub(super) async fn anchor(store: Store, storage: StorageSettings, tools: (Arc<M
 }
 
 /// Looks every few seconds whether the log's end is as it was written, and every hour at all of it; counts what is wrong.
-pub(super) async fn watch(store: Store, metrics: Arc<Metrics>) {
+pub(super) async fn watch(store: Store, (metrics, clock): (Arc<Metrics>, Arc<dyn Clock>)) {
     for n_looks in 0_u64.. {
         let looked = match n_looks % LOOKS_A_WHOLE {
-            0 => store.check_whole_audit().await,
-            _ => store.check_audit_head().await,
+            0 => store.check_whole_audit(clock.now()).await,
+            _ => store.check_audit_head(clock.now()).await,
         };
         if let Err(error) = looked {
             tracing::error!(%error, "the audit log cannot be looked at");

@@ -1,6 +1,7 @@
-//! Tables `audit` and `audit_anchor`: who did what. Only ever added to, on disk when it is acknowledged, and chained by
-//! digests. Where the oldest entries are removed for their age, the anchor keeps the digest that the next one builds on.
+//! Table `audit`: who did what. Only ever added to, on disk when it is acknowledged, and chained by digests. Where the oldest
+//! entries are removed for their age, the base ([`super::audit_base`]) keeps the digest that the next one builds on.
 
+use super::audit_base::{base, base_fault, removal_notice};
 use super::audit_seal::{AUDIT_CHANGED, Since, compare, notice, unsigned_notice};
 use super::audit_verify::{self, SignatureCheck};
 use super::migrate::SCHEMA_VERSION;
@@ -193,38 +194,15 @@ pub(super) async fn last(connection: &mut SqliteConnection, path: &Path) -> Resu
             .fetch_optional(&mut *connection)
             .await
             .map_err(|error| StoreError::classify(error, path))?;
-    let (number, digest) = match last {
-        Some((number, digest)) => (number, as_digest(digest, path)?),
-        None => anchor(connection, path).await?,
-    };
-    Ok(Head { number, digest })
+    match last {
+        Some((number, digest)) => Ok(Head { number, digest: as_digest(digest, path)? }),
+        None => base(connection, path).await,
+    }
 }
 
 pub(super) fn as_digest(bytes: Vec<u8>, path: &Path) -> Result<[u8; 32], StoreError> {
     let unreadable = || StoreError::UnreadableRow { path: path.to_owned(), what: "audit.digest" };
     bytes.try_into().map_err(|_wrong_length| unreadable())
-}
-
-/// The last entry that was removed: its number and digest; 0 and zeros where none was. A schema from before that could be has
-/// no table of it.
-pub(super) async fn anchor(
-    connection: &mut SqliteConnection,
-    path: &Path,
-) -> Result<(i64, [u8; 32]), StoreError> {
-    let classify = |error| StoreError::classify(error, path);
-    let tables: Vec<String> =
-        sqlx::query_scalar("select name from sqlite_schema where type = 'table' and name = 'audit_anchor'")
-            .fetch_all(&mut *connection)
-            .await
-            .map_err(classify)?;
-    if tables.is_empty() {
-        return Ok((0, [0; 32]));
-    }
-    let kept: Option<(i64, Vec<u8>)> = sqlx::query_as("select number, digest from audit_anchor")
-        .fetch_optional(connection)
-        .await
-        .map_err(classify)?;
-    kept.map_or(Ok((0, [0; 32])), |(number, digest)| Ok((number, as_digest(digest, path)?)))
 }
 
 /// Adds an entry to the database at `path`, whoever has it open, signed with the key where there is one; its number. A
@@ -265,11 +243,7 @@ impl Store {
         let with = (self.audit.head(), self.audit.key());
         let written = append(&mut connection, &self.path, entry, with).await?;
         // The connection is held: there is one, so entries become known in their order.
-        self.audit.remember(written.head, written.signature);
-        if let Some(fault) = &written.fault {
-            self.audit.tell(fault);
-        }
-        self.audit.write_head().await;
+        self.audit.wrote(&written).await;
         Ok(written.head.number)
     }
 
@@ -314,7 +288,11 @@ impl Store {
         let classify = |error| self.classify(error);
         let mut connection = self.durable.acquire().await.map_err(classify)?;
         let mut transaction = connection.begin_with("begin immediate").await.map_err(classify)?;
-        let (first, _) = anchor(&mut transaction, &self.path).await?;
+        let key = self.audit.key();
+        let first = base(&mut transaction, &self.path).await?.number;
+        // Another base would hide that nobody vouches for this one.
+        let signer = key.map(SigningKey::public);
+        let base_fault = base_fault(&mut transaction, &self.path, signer.as_slice()).await?;
         // The first that stays: one that is young enough, or the newest, or where as many went as may at once.
         let stays: Option<i64> = sqlx::query_scalar(
             "select min(coalesce((select min(number) from audit where at >= ?1), max(number)), max(number), ?2) from audit",
@@ -339,26 +317,22 @@ impl Store {
             let query = if change.contains("?2") { query.bind(&digest) } else { query };
             query.execute(&mut *transaction).await.map_err(classify)?;
         }
-        let digest = hex(&as_digest(digest, &self.path)?);
-        let entry = notice(at, AUDIT_RETENTION, removal(last, &digest));
-        let with = (self.audit.head(), self.audit.key());
-        let written = append_within(&mut transaction, &self.path, &entry, with).await?;
-        transaction.commit().await.map_err(classify)?;
-        self.audit.remember(written.head, written.signature);
-        if let Some(fault) = &written.fault {
-            self.audit.tell(fault);
+        let removed = Head { number: last, digest: as_digest(digest, &self.path)? };
+        let mut known = self.audit.head();
+        if let Some(fault) = &base_fault {
+            let entry = notice(at, AUDIT_CHANGED, fault.clone());
+            let told = append_within(&mut transaction, &self.path, &entry, (known, key)).await?;
+            known = Some(told.head);
         }
-        self.audit.write_head().await;
-        Ok(Some((last, digest)))
+        let entry = removal_notice(at, &removed);
+        let written = append_within(&mut transaction, &self.path, &entry, (known, key)).await?;
+        transaction.commit().await.map_err(classify)?;
+        if let Some(fault) = base_fault {
+            self.audit.tell(&fault);
+        }
+        self.audit.wrote(&written).await;
+        Ok(Some((last, hex(&removed.digest))))
     }
-}
-
-/// Action of an entry that says which entries were removed for their age.
-pub(super) const AUDIT_RETENTION: &str = "audit retention";
-
-/// Returns its target.
-pub(super) fn removal(last: i64, digest: &str) -> String {
-    format!("entries up to {last} are removed; its digest was {digest}")
 }
 
 pub(super) fn hex(digest: &[u8; 32]) -> String {
@@ -441,8 +415,8 @@ async fn check(connection: &mut SqliteConnection, path: &Path) -> Result<AuditCh
     let classify = |error| StoreError::classify(error, path);
     // All is read as of one instant: retention may move the base meanwhile. SQLite's log grows for as long as that takes.
     let mut snapshot = connection.begin().await.map_err(classify)?;
-    let (n_removed, anchored) = anchor(&mut snapshot, path).await?;
-    let (mut last, mut before) = (n_removed, anchored);
+    let Head { number: n_removed, digest } = base(&mut snapshot, path).await?;
+    let (mut last, mut before) = (n_removed, digest);
     let mut fault = None;
     'all: loop {
         let page = page(&mut snapshot, path, last, PAGE).await?;

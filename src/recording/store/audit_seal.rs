@@ -5,7 +5,8 @@
 //! and computes all digests anew, but has no key, has no signatures of what stands there then. Who cuts off the end, or puts
 //! an older database in its place, is told by the head in memory and by the file.
 
-use super::audit::{AuditEntry, Head, anchor, append_within, as_digest, hex, last, page};
+use super::audit::{AuditEntry, Head, Written, append_within, as_digest, hex, last, page};
+use super::audit_base::{base, base_fault, is_vouched, removal_notice, said, unvouched};
 use super::{Store, StoreError};
 use crate::signing::{PublicKey, Purpose, Signature, SignatureText, SigningKey, unhex};
 use serde::{Deserialize, Serialize};
@@ -148,6 +149,8 @@ struct Kept {
     head: Option<Head>,
     /// Counts heads: a later one has a greater turn.
     turn: u64,
+    /// The base that was found good, or was told.
+    base: Option<Head>,
     state: AuditState,
 }
 
@@ -189,8 +192,17 @@ impl Seal {
         }
     }
 
+    /// Remembers what was written, tells what was wrong before it, and writes the signed head.
+    pub(super) async fn wrote(&self, written: &Written) {
+        self.remember(written.head, written.signature);
+        if let Some(fault) = &written.fault {
+            self.tell(fault);
+        }
+        self.write_head().await;
+    }
+
     /// Writes the newest entry's signature into the file of the signed head.
-    pub(super) async fn write_head(&self) {
+    async fn write_head(&self) {
         let Some((_, path)) = self.keys.get().cloned() else { return };
         let (signed, turn) = {
             let kept = self.kept();
@@ -299,8 +311,8 @@ pub(super) async fn digest_at(
     if let Some(found) = found {
         return as_digest(found, path).map(Some);
     }
-    let anchored = anchor(connection, path).await?;
-    Ok((anchored.0 == number).then_some(anchored.1))
+    let base = base(connection, path).await?;
+    Ok((base.number == number).then_some(base.digest))
 }
 
 /// The signatures of at most so many entries after one, with their numbers; none of a schema from before there were any.
@@ -330,7 +342,7 @@ pub(super) async fn signatures(
     rows.into_iter().map(|(number, key, bytes)| Ok((number, signature(key, bytes, path)?))).collect()
 }
 
-fn signature(key: Vec<u8>, bytes: Vec<u8>, path: &Path) -> Result<Signature, StoreError> {
+pub(super) fn signature(key: Vec<u8>, bytes: Vec<u8>, path: &Path) -> Result<Signature, StoreError> {
     let odd = |what| StoreError::UnreadableRow { path: path.to_owned(), what };
     let key = key.try_into().map_err(|_wrong_length| odd("audit_signature.key"))?;
     let bytes = bytes.try_into().map_err(|_wrong_length| odd("audit_signature.signature"))?;
@@ -362,15 +374,16 @@ pub(super) async fn contradiction(
     else {
         return Ok(Some("the signed head is not signed with a key of this log".to_owned()));
     };
-    let (n_removed, _) = anchor(connection, path).await?;
+    let base = base(connection, path).await?;
     let found = digest_at(connection, path, head.number).await?;
-    if found == Some(head.digest) || head.number < n_removed {
-        return Ok(None);
-    }
-    if is_restored(connection, path, (&kept.noted(), keys)).await? {
+    if found == Some(head.digest) || is_restored(connection, path, (&kept.noted(), keys)).await? {
         return Ok(None);
     }
     let number = head.number;
+    if number < base.number {
+        let is_vouched = is_vouched(connection, path, &base, keys).await?;
+        return Ok((!is_vouched).then(|| unvouched(&base)));
+    }
     Ok(Some(match found {
         Some(_) => format!("entry {number} is another than the one that was signed, {}", kept.noted()),
         None => {
@@ -390,25 +403,9 @@ async fn is_restored(
     path: &Path,
     (noted, keys): (&str, &[PublicKey]),
 ) -> Result<bool, StoreError> {
-    type Row = (i64, Vec<u8>, String, Vec<u8>, Vec<u8>);
-    let found: Vec<Row> = sqlx::query_as(
-        "select audit.number, audit.digest, target, key, signature from audit join audit_signature using (number)
-         where action = ? order by audit.number desc limit ?",
-    )
-    .bind(AUDIT_RESTORE)
-    .bind(MAX_RESTORES)
-    .fetch_all(connection)
-    .await
-    .map_err(|error| StoreError::classify(error, path))?;
-    for (number, digest, target, key, bytes) in found {
-        let head = Head { number, digest: as_digest(digest, path)? };
-        let signature = signature(key, bytes, path)?;
-        let is_signed = keys.contains(&signature.key) && signature.is_of(Purpose::AuditHead, &head.message());
-        if is_signed && target.ends_with(&replaced(noted)) {
-            return Ok(true);
-        }
-    }
-    Ok(false)
+    let restores = said(connection, path, (AUDIT_RESTORE, MAX_RESTORES), keys).await?;
+    let end = replaced(noted);
+    Ok(restores.iter().any(|target| target.ends_with(&end)))
 }
 
 /// Returns the end of the target of a restore that replaced a log with that head.
@@ -443,24 +440,43 @@ impl Store {
         known.extend(before.as_ref().map(SigningKey::public));
         let newest = newest_signature(&mut transaction, path).await?;
         let shown = head_file.display();
-        let fault = match SignedHead::read(&head_file) {
+        let head = SignedHead::read(&head_file);
+        // Nobody could sign what was removed before there was a key.
+        let was_signed = newest.is_some() || !matches!(head, Ok(None));
+        let mut faults: Vec<String> = match head {
             Ok(Some(kept)) => contradiction(&mut transaction, path, &kept, &known).await?,
             Ok(None) => newest.map(|_| format!("the signed head is gone: {shown}")),
             Err(error) => Some(format!("the signed head cannot be read: {error}: {shown}")),
-        };
+        }
+        .into_iter()
+        .collect();
+        if was_signed && let Some(fault) = base_fault(&mut transaction, path, &known).await? {
+            faults.retain(|other| *other != fault);
+            faults.push(fault);
+        }
         let end = last(&mut transaction, path).await?;
         let mut told = Vec::new();
-        match newest {
-            Some((_, signature)) if signature.key == key.public() => {}
-            found => told.push(takes_over(&key, before.as_ref(), (found.map(|(_, of)| of.key), at))),
-        }
+        let takes_over = match newest {
+            Some((_, signature)) if signature.key == key.public() => None,
+            found => Some(takes_over(&key, before.as_ref(), (found.map(|(_, of)| of.key), at))),
+        };
+        let base = base(&mut transaction, path).await?;
+        let is_good = !was_signed || is_vouched(&mut transaction, path, &base, &known).await?;
+        // Later starts do not know the key that vouched for it.
+        let base = Some(base).filter(|base| takes_over.is_some() && is_good && base.number > 0);
+        // Where the one before signs that, the newest signature is to be of the one that signs from now on.
+        let is_handed_over = takes_over.as_ref().is_some_and(|(_, signer)| signer.public() != key.public());
+        told.extend(takes_over);
+        told.extend(
+            is_handed_over.then(|| (notice(at, AUDIT_KEY, format!("{}#signs", key.public())), &*key)),
+        );
+        told.extend(base.map(|base| (removal_notice(at, &base), &*key)));
         if let Some((signed, _)) = newest
             && signed < end.number
         {
             told.push((unsigned_notice(at, (signed + 1, end.number)), &*key));
         }
-        let changed = fault.as_ref().map(|fault| notice(at, AUDIT_CHANGED, fault.clone()));
-        told.extend(changed.map(|entry| (entry, &*key)));
+        told.extend(faults.iter().map(|fault| (notice(at, AUDIT_CHANGED, fault.clone()), &*key)));
         let (mut head, mut signature) = (end, newest.filter(|(of, _)| *of == end.number).map(|(_, of)| of));
         for (entry, key) in &told {
             let written = append_within(&mut transaction, path, entry, (None, Some(key))).await?;
@@ -472,9 +488,7 @@ impl Store {
             tracing::warn!("the audit log is signed already");
         }
         self.audit.remember(head, signature);
-        if let Some(fault) = fault {
-            self.audit.tell(&fault);
-        }
+        faults.iter().for_each(|fault| self.audit.tell(fault));
         self.audit.write_head().await;
         Ok(())
     }
@@ -493,19 +507,38 @@ impl Store {
         self.audit.state()
     }
 
-    /// Compares the log with its newest entry as this process knows it; what is wrong is told in the log and by
-    /// [`Self::audit_state`].
+    /// Compares the log with its newest entry as this process knows it, and asks who vouches for its base where that is another; what
+    /// is wrong is told in the log and by [`Self::audit_state`].
     ///
     /// # Errors
     /// When the database fails.
-    pub async fn check_audit_head(&self) -> Result<(), StoreError> {
+    pub async fn check_audit_head(&self, at: Timestamp) -> Result<(), StoreError> {
+        let (path, classify) = (&self.path, |error| self.classify(error));
         // The connection that writes: an entry that is on its way is known when its turn is over.
-        let mut connection = self.durable.acquire().await.map_err(|error| self.classify(error))?;
+        let mut connection = self.durable.acquire().await.map_err(classify)?;
         let Some(known) = self.audit.head() else { return Ok(()) };
-        let key = self.audit.key().map(SigningKey::public);
-        if let Since::Changed(fault) = compare(&mut connection, &self.path, known, key).await? {
+        let key = self.audit.key();
+        let signer = key.map(SigningKey::public);
+        if let Since::Changed(fault) = compare(&mut connection, path, known, signer).await? {
             self.audit.tell(&fault);
         }
+        let found = base(&mut connection, path).await?;
+        if self.audit.kept().base == Some(found) {
+            return Ok(());
+        }
+        let mut transaction = connection.begin_with("begin immediate").await.map_err(classify)?;
+        let fault = base_fault(&mut transaction, path, signer.as_slice()).await?;
+        let Some(fault) = fault else {
+            transaction.rollback().await.map_err(classify)?;
+            self.audit.kept().base = Some(found);
+            return Ok(());
+        };
+        let entry = notice(at, AUDIT_CHANGED, fault.clone());
+        let written = append_within(&mut transaction, path, &entry, (Some(known), key)).await?;
+        transaction.commit().await.map_err(classify)?;
+        self.audit.kept().base = Some(found);
+        self.audit.tell(&fault);
+        self.audit.wrote(&written).await;
         Ok(())
     }
 
@@ -513,11 +546,12 @@ impl Store {
     ///
     /// # Errors
     /// When the database fails.
-    pub async fn check_whole_audit(&self) -> Result<(), StoreError> {
+    pub async fn check_whole_audit(&self, at: Timestamp) -> Result<(), StoreError> {
         if let Some(fault) = self.check_audit().await?.fault {
             self.audit.tell(&fault);
         }
-        self.check_audit_head().await
+        self.audit.kept().base = None;
+        self.check_audit_head(at).await
     }
 }
 

@@ -1,6 +1,7 @@
 //! Verifies that the audit log is as it was signed: every signature, the keys that took over, and the head that was kept.
 
-use super::audit::{AUDIT_RETENTION, AuditRecord, Head, anchor, hex, page, removal};
+use super::audit::{AuditRecord, Head, page};
+use super::audit_base::{AUDIT_RETENTION, base, removal, unvouched};
 use super::audit_seal::{AUDIT_KEY, contradiction, signatures};
 use super::{SignedHead, StoreError};
 use crate::signing::{PublicKey, Purpose, Signature};
@@ -34,21 +35,16 @@ struct Walk {
     trusted: Vec<PublicKey>,
     /// Keys that were replaced, with the entry that says so.
     replaced: Vec<(PublicKey, i64)>,
-    /// Words of the entry with which the log begins later, where it does.
+    /// Words of the entry with which the log begins later, until one that is signed says them.
     removal: Option<String>,
     found: SignatureCheck,
     n_unsigned_since: u64,
-    /// The entry that says so.
-    removal_told: Option<i64>,
 }
 
 impl Walk {
     /// Takes an entry and its signature; what is wrong with it.
     fn take(&mut self, record: &AuditRecord, signature: Option<&Signature>) -> Result<(), String> {
         let number = record.number;
-        if record.entry.action == AUDIT_RETENTION && self.removal.as_ref() == Some(&record.entry.target) {
-            self.removal_told = Some(number);
-        }
         let Some(signature) = signature else {
             self.n_unsigned_since += u64::from(self.found.last_signed.is_some());
             return Ok(());
@@ -78,6 +74,9 @@ impl Walk {
         self.found.first_signed.get_or_insert(number);
         self.found.last_signed = Some(number);
         self.found.n_unsigned += std::mem::take(&mut self.n_unsigned_since);
+        if record.entry.action == AUDIT_RETENTION {
+            self.removal.take_if(|removal| *removal == record.entry.target);
+        }
         self.take_over(record, signature.key);
         Ok(())
     }
@@ -118,16 +117,15 @@ async fn verify_within(
     trusted: &[PublicKey],
     kept: Option<&SignedHead>,
 ) -> Result<SignatureCheck, StoreError> {
-    let (n_removed, anchored) = anchor(&mut *connection, path).await?;
+    let base = base(&mut *connection, path).await?;
     let mut walk = Walk {
         trusted: trusted.to_vec(),
         replaced: Vec::new(),
-        removal: (n_removed > 0).then(|| removal(n_removed, &hex(&anchored))),
+        removal: (base.number > 0).then(|| removal(&base)),
         found: SignatureCheck::default(),
         n_unsigned_since: 0,
-        removal_told: None,
     };
-    let mut last = n_removed;
+    let mut last = base.number;
     'all: loop {
         let records = page(&mut *connection, path, last, PAGE).await?;
         if records.is_empty() {
@@ -145,7 +143,7 @@ async fn verify_within(
             last = record.number;
         }
     }
-    let Walk { trusted: end, replaced, removal, mut found, removal_told, .. } = walk;
+    let Walk { trusted: end, replaced, removal, mut found, .. } = walk;
     if found.fault.is_some() {
         return Ok(found);
     }
@@ -160,10 +158,8 @@ async fn verify_within(
         Some(kept) => contradiction(connection, path, kept, &known).await?,
         None => None,
     };
-    if found.fault.is_none() && removal.is_some() && removal_told.is_none_or(|told| told > until) {
-        found.fault = Some(format!(
-            "the entries up to {n_removed} are gone, and no entry that is signed says that they were removed for their age"
-        ));
+    if found.fault.is_none() && removal.is_some() {
+        found.fault = Some(unvouched(&base));
     }
     if let (None, Some(from)) = (&found.fault, found.unsigned_from) {
         found.fault = Some(format!(

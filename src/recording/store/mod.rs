@@ -10,6 +10,7 @@
 
 mod activity;
 mod audit;
+mod audit_base;
 mod audit_seal;
 mod audit_verify;
 mod background;

@@ -7,6 +7,7 @@
 
 use super::StoreError;
 use super::audit::{AuditEntry, note_in};
+use super::audit_base::{base, is_vouched, removal_notice};
 use super::copy::{Contents, Depth, ReadOnly, copy, remove_if_there, verify};
 use super::open::{open_alone, take_turn};
 use super::probe::{Standing, beside, holder, probe};
@@ -293,6 +294,12 @@ impl Place {
         }
         let mut connection = open_alone(&to).await?;
         note_in(&mut connection, &to, entry, key).await?;
+        // The entry about what was removed before was signed with the key of then, or with none.
+        let found = base(&mut connection, &to).await?;
+        let signer = key.map(SigningKey::public);
+        if signer.is_some() && !is_vouched(&mut connection, &to, &found, signer.as_slice()).await? {
+            note_in(&mut connection, &to, &removal_notice(entry.at, &found), key).await?;
+        }
         connection.close().await.map_err(|error| StoreError::classify(error, &to))?;
         let contents = verify(&to).await?;
         let warnings = self.dress(&to, old)?;

@@ -252,17 +252,17 @@ async fn what_is_done_to_the_log_while_the_daemon_runs_is_noticed() {
                 store
             };
             note(&store, "", 4).await;
-            store.check_audit_head().await.unwrap();
+            store.check_audit_head(at(8)).await.unwrap();
             assert_eq!(store.audit_state().fault, None);
             site.tamper(sql).await;
-            store.check_audit_head().await.unwrap();
+            store.check_audit_head(at(8)).await.unwrap();
             assert!(store.audit_state().fault.unwrap().starts_with(expected), "{expected}");
             // The next entry says so before it.
             note(&store, "next", 1).await;
             let told = last(&store, 2).await;
             assert!(told[0].0 == AUDIT_CHANGED && told[0].1.starts_with(expected), "{told:?}");
             assert_eq!((told[1].1.as_str(), store.audit_state().n_faults), ("/next0", 1));
-            store.check_audit_head().await.unwrap();
+            store.check_audit_head(at(8)).await.unwrap();
             assert_eq!(store.audit_state().n_faults, 1, "once");
             store.close().await.unwrap();
         }
@@ -272,9 +272,9 @@ async fn what_is_done_to_the_log_while_the_daemon_runs_is_noticed() {
     let store = site.start("one", None).await;
     note(&store, "", 4).await;
     site.tamper("update audit set user = 'eve' where number = 3").await;
-    store.check_audit_head().await.unwrap();
+    store.check_audit_head(at(8)).await.unwrap();
     assert_eq!(store.audit_state().fault, None);
-    store.check_whole_audit().await.unwrap();
+    store.check_whole_audit(at(8)).await.unwrap();
     assert!(store.audit_state().fault.unwrap().starts_with("entry 3 or one before it"));
     store.close().await.unwrap();
 }
@@ -284,19 +284,20 @@ async fn another_key_takes_over_by_the_one_before() {
     let site = Site::written(2).await;
     let store = site.start("two", Some("one")).await;
     let (one, two) = (site.public("one"), site.public("two"));
-    assert_eq!(last(&store, 1).await, [(AUDIT_KEY.to_owned(), format!("{two}#after={one}"))]);
+    let said = |words: String| (AUDIT_KEY.to_owned(), format!("{two}#{words}"));
+    assert_eq!(last(&store, 2).await, [said(format!("after={one}")), said("signs".to_owned())]);
     note(&store, "", 2).await;
     assert_eq!(store.audit_state().n_faults, 0, "the head that the old key signed is one of this log");
     store.close().await.unwrap();
     let found = site.verify(&["one"]).await;
-    assert_eq!((found.fault, found.took_over, found.last_signed), (None, vec![(4, two)], Some(6)));
+    assert_eq!((found.fault, found.took_over, found.last_signed), (None, vec![(4, two)], Some(7)));
     let found = site.verify(&["two"]).await;
     assert_eq!((found.fault, found.n_others, found.first_signed), (None, 4, Some(5)));
     // The old key, once it is replaced, signs nothing any more.
     let store = open(&site.database).await;
     store.note_audit(&entry("/stolen"), Some(&site.key("one"))).await.unwrap();
     store.close().await.unwrap();
-    let expected = "entry 7 is signed with a key that another took the place of with entry 4";
+    let expected = "entry 8 is signed with a key that another took the place of with entry 4";
     assert_eq!(site.fault(&["one"]).await, expected);
     // A key for which nobody vouches has to be named.
     let site = Site::written(2).await;
@@ -376,6 +377,132 @@ async fn whoever_reads_a_head_that_is_none_is_told() {
     assert!(store.audit_state().fault.unwrap().starts_with("the signed head cannot be read"));
     store.close().await.unwrap();
     assert!(SignedHead::read(Path::new("/nowhere/head")).unwrap().is_none());
+}
+
+/// Words of a base for which nobody vouches.
+fn gone(base: i64) -> String {
+    format!(
+        "the entries up to {base} are gone, and no entry that is signed says that they were removed for their age"
+    )
+}
+
+/// Moves the base to an entry and takes away what stood before it.
+fn without(base: i64) -> String {
+    format!(
+        "update audit_anchor set number = {base}, digest = (select digest from audit where number = {base});
+         delete from audit where number <= {base}; delete from audit_signature where number <= {base};"
+    )
+}
+
+#[tokio::test]
+async fn a_log_that_was_emptied_and_given_another_base_is_told_at_the_next_start() {
+    for (base, sql) in [
+        (100_000, "update audit_anchor set number = 100000, digest = zeroblob(32)".to_owned()),
+        (5, without(5)),
+    ] {
+        let site = Site::written(4).await;
+        site.tamper(&format!("{sql}; delete from audit; delete from audit_signature")).await;
+        let store = site.start("one", None).await;
+        assert_eq!(store.audit_state().fault, Some(gone(base)));
+        assert_eq!(last(&store, 1).await, [(AUDIT_CHANGED.to_owned(), gone(base))]);
+        store.close().await.unwrap();
+        // It stands in the log, and is told once.
+        let store = site.start("one", None).await;
+        assert_eq!((store.audit_state().n_faults, store.audit(0, 99).await.unwrap().len()), (0, 2));
+        store.close().await.unwrap();
+        assert_eq!(site.fault(&["one"]).await, gone(base));
+    }
+}
+
+#[tokio::test]
+async fn a_beginning_that_is_taken_away_while_the_daemon_runs_is_told_also_where_it_is_said_to_be_old() {
+    for forges in [false, true] {
+        let site = Site::new();
+        let store = site.start("one", None).await;
+        note(&store, "", 7).await;
+        let digest = store.audit(3, 1).await.unwrap()[0].digest_text();
+        site.tamper(&without(4)).await;
+        if forges {
+            let target = format!("entries up to 4 are removed; its digest was {digest}");
+            let forged = AuditEntry { user: None, action: "audit retention".to_owned(), ..entry(&target) };
+            store::note_audit(&site.database, &forged, None).await.unwrap();
+            // The daemon's signature of the next one is of all before it, too.
+            note(&store, "next", 1).await;
+        }
+        store.check_audit_head(at(8)).await.unwrap();
+        let state = store.audit_state();
+        assert_eq!((state.fault, state.n_faults), (Some(gone(4)), 1));
+        let n = store.audit(0, 99).await.unwrap().len();
+        assert_eq!(last(&store, 1).await, [(AUDIT_CHANGED.to_owned(), gone(4))]);
+        store.check_whole_audit(at(8)).await.unwrap();
+        assert_eq!((store.audit_state().n_faults, store.audit(0, 99).await.unwrap().len()), (1, n), "once");
+        store.close().await.unwrap();
+        assert_eq!(site.fault(&["one"]).await, gone(4));
+    }
+}
+
+#[tokio::test]
+async fn retention_does_not_hide_that_a_beginning_was_taken_away() {
+    let site = Site::new();
+    let store = site.start("one", None).await;
+    note(&store, "", 7).await;
+    site.tamper(&without(3)).await;
+    assert_eq!(store.shorten_audit(at(20), at(60)).await.unwrap().unwrap().0, 7);
+    assert_eq!(store.audit_state().fault, Some(gone(3)));
+    let told = last(&store, 2).await;
+    assert_eq!(told[0], (AUDIT_CHANGED.to_owned(), gone(3)));
+    assert!(told[1].1.starts_with("entries up to 7 are removed"), "{told:?}");
+    // From then on there is nothing to tell.
+    assert_eq!(store.shorten_audit(at(70), at(80)).await.unwrap().unwrap().0, 9);
+    store.check_whole_audit(at(80)).await.unwrap();
+    assert_eq!((store.audit_state().n_faults, last(&store, 1).await.len()), (1, 1));
+    store.close().await.unwrap();
+    assert_eq!(site.verify(&["one"]).await.fault, None);
+}
+
+#[tokio::test]
+async fn retention_of_before_the_key_and_under_other_keys_is_none_of_these() {
+    let site = Site::new();
+    let store = open(&site.database).await;
+    note(&store, "old", 4).await;
+    store.shorten_audit(at(20), at(60)).await.unwrap().unwrap();
+    store.check_whole_audit(at(60)).await.unwrap();
+    assert_eq!(store.audit_state().fault, None);
+    let copy = site.folder.path().join("copy.sqlite");
+    store.close().await.unwrap();
+    store::copy(&site.database, &copy).await.unwrap();
+    // The key vouches for what it found, and so does the next one.
+    for (key, before) in [("one", None), ("one", None), ("two", Some("one")), ("two", None)] {
+        let store = site.start(key, before).await;
+        store.check_whole_audit(at(61)).await.unwrap();
+        assert_eq!(store.audit_state().fault, None, "{key}");
+        store.close().await.unwrap();
+        assert_eq!(site.verify(&[key]).await.fault, None, "{key}");
+    }
+    assert_eq!(site.verify(&["one"]).await.fault, None);
+    let store = site.start("two", None).await;
+    note(&store, "new", 2).await;
+    store.shorten_audit(at(20), at(62)).await.unwrap().unwrap();
+    store.check_whole_audit(at(62)).await.unwrap();
+    assert_eq!(store.audit_state().fault, None);
+    store.close().await.unwrap();
+    // A copy of before the key is put back by who has it.
+    let kept = SignedHead::read(&site.head).unwrap().unwrap();
+    let target = format!("/copy{}", store::replaced(&kept.noted()));
+    let key = site.key("two");
+    let asked = Restoring {
+        from: &copy,
+        database: &site.database,
+        replace: Replace::Anything,
+        entry: AuditEntry { action: AUDIT_RESTORE.to_owned(), target, ..entry("") },
+        key: Some(&key),
+    };
+    restore::restore(asked, at(63)).await.unwrap();
+    let store = site.start("two", None).await;
+    store.check_whole_audit(at(64)).await.unwrap();
+    assert_eq!(store.audit_state().fault, None);
+    store.close().await.unwrap();
+    assert_eq!(site.verify(&["two"]).await.fault, None);
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
