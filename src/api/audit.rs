@@ -2,13 +2,16 @@
 //!
 //! Noted is whatever changes something, whatever came of it, and who looked at what cameras saw, and of the past at which
 //! time ([`looks`]): of the same caller, target and ten minutes of the past once in ten minutes, so that a wall that pulls
-//! thirty pictures a second is a line and not a flood; and what strangers tried, once in ten minutes a route. What is only
-//! tried (`validate_only`) changes nothing: pages ask it while somebody types. An entry is on disk before the answer goes out.
+//! thirty pictures a second is a line and not a flood; and what was refused, of one user, route and status once in ten minutes with
+//! a count, of strangers once a route. What is only tried (`validate_only`) changes nothing: pages ask it while somebody types.
+//!
+//! An entry is on disk before the answer goes out, and is written also where the caller leaves before. Where it cannot be written,
+//! nothing of the past is shown; what is live is, and what was changed is changed.
 
 use super::Api;
 use super::error::Problem;
 use super::identity::{Asked, Identity};
-use super::looks::{self, Span};
+use super::looks::{self, Looks, Span};
 use super::openapi::Routes;
 use super::operation::{Answer, Operation};
 use super::pages;
@@ -19,9 +22,12 @@ use super::users;
 use axum::extract::{MatchedPath, Request, State};
 use axum::http::{Method, StatusCode, Uri};
 use axum::middleware::Next;
-use axum::response::Response;
+use axum::response::{IntoResponse, Response};
+use percent_encoding::percent_decode_str;
 use serde_json::{Value, json};
-use videofields_recording::accounts::Newness;
+use std::borrow::Cow;
+use std::time::Duration;
+use videofields_recording::accounts::{Once, OnceKind, Unwritten};
 use videofields_recording::store::{AuditEntry, AuditRecord};
 use videofields_service::engine::BlurAsked;
 use videofields_vision::access::Role;
@@ -30,6 +36,9 @@ use videofields_vision::error::ErrorKind;
 
 /// Greatest number of an entry that is asked for.
 const MAX_NUMBER: i64 = (1 << 53) - 1;
+
+/// Longest time that a look at what is live waits for its entry: a disk may hang.
+const LIVE_TIME: Duration = Duration::from_secs(2);
 
 const PARAMETERS: &[Parameter] = &[pages::LIMIT, pages::CURSOR];
 
@@ -63,6 +72,79 @@ pub(super) fn people_noted(blur: Option<&BlurAsked>) -> String {
     }
 }
 
+/// A request, as far as lines tell of it. Cheap to clone.
+#[derive(Clone, Debug)]
+pub(super) struct Line {
+    method: Method,
+    uri: Uri,
+    matched: Option<MatchedPath>,
+}
+
+impl Line {
+    fn route(&self) -> &str {
+        self.matched.as_ref().map_or("(none)", MatchedPath::as_str)
+    }
+
+    fn action(&self) -> String {
+        format!("{} {}", known_name(&self.method), self.route())
+    }
+
+    /// Returns an entry of it; `told` stands behind its target.
+    fn entry(&self, api: &Api, (user, status): (Option<String>, StatusCode), told: &[String]) -> AuditEntry {
+        let asked = self.uri.path_and_query().map_or_else(|| self.uri.path(), |asked| asked.as_str());
+        let mut target = asked.to_owned();
+        if !told.is_empty() {
+            target = format!("{target}#{}", told.join("&"));
+        }
+        AuditEntry { at: api.clock.now(), user, action: self.action(), target, status: status.as_u16() }
+    }
+
+    /// Returns words for what it looks at: its path, and what was told of it.
+    fn looked_at(&self, told: Option<&str>) -> String {
+        let words = decoded(self.uri.path());
+        match told {
+            Some(told) => format!("{words}#{told}"),
+            None => words.into_owned(),
+        }
+    }
+
+    /// Notes a look of a user, at that part of the past; `told` was told of it.
+    ///
+    /// # Errors
+    /// When it cannot be written.
+    pub(super) async fn note_look(
+        &self,
+        api: &Api,
+        (user, status): (Option<&str>, StatusCode),
+        told: Option<String>,
+        span: Option<Span>,
+    ) -> Result<(), Unwritten> {
+        let Some(audit) = &api.audit else { return Ok(()) };
+        let once = Once {
+            user: user.map(str::to_owned),
+            // Another thing about it is another look.
+            what: self.looked_at(told.as_deref()),
+            part: span.map(Span::part),
+            kind: OnceKind::Look,
+        };
+        let entry = || {
+            let told: Vec<String> = told.into_iter().chain(span.map(|span| span.to_string())).collect();
+            self.entry(api, (user.map(str::to_owned), status), &told)
+        };
+        audit.note_once(once, api.clock.monotonic(), entry).await
+    }
+}
+
+/// Returns what a part of a target says without its escapes: each can be written in many ways.
+fn decoded(text: &str) -> Cow<'_, str> {
+    percent_decode_str(text).decode_utf8_lossy()
+}
+
+/// Returns what a caller reads whose look at the past cannot be noted.
+pub(super) fn unwritten(error: Unwritten) -> Problem {
+    Problem::new(ErrorKind::Unavailable, format!("{error}, and nothing of the past is shown without that"))
+}
+
 /// Notes what a request did.
 pub(super) async fn note(
     State(api): State<Api>,
@@ -70,10 +152,10 @@ pub(super) async fn note(
     request: Request,
     next: Next,
 ) -> Response {
-    let Some(audit) = api.audit.clone() else { return next.run(request).await };
-    let method = request.method().clone();
-    let method_name = known_name(&method);
-    let uri = request.uri().clone();
+    if api.audit.is_none() {
+        return next.run(request).await;
+    }
+    let line = Line { method: request.method().clone(), uri: request.uri().clone(), matched };
     let identity = request.extensions().get::<Identity>();
     let is_unknown = identity.is_none_or(Identity::is_stranger);
     let mut user = identity.and_then(|identity| identity.caller.user.clone());
@@ -81,52 +163,56 @@ pub(super) async fn note(
     if let Some(Actor(actor)) = response.extensions_mut().remove::<Actor>() {
         user = Some(actor);
     }
-    let is_stranger = is_unknown && user.is_none();
     let told = response.extensions_mut().remove::<Noted>().map(|Noted(told)| told);
-    let route = matched.as_ref().map_or("(none)", MatchedPath::as_str);
-    let is_look = matches!(method, Method::GET | Method::HEAD);
     let status = response.status();
-    let now = api.clock.monotonic();
-    let newness = if is_look {
-        // What was refused showed nothing; of a flood of wrong requests the metrics tell.
-        let is_shown = status.is_success() || status == StatusCode::SWITCHING_PROTOCOLS;
-        // Another thing about it is another look.
-        let what =
-            told.as_ref().map_or_else(|| uri.path().to_owned(), |told| format!("{}#{told}", uri.path()));
-        if looks::is_look(route) && is_shown {
-            audit.look(user.as_deref(), &what, span.map(Span::part), now)
-        } else {
-            Newness::Known
+    if !matches!(line.method, Method::GET | Method::HEAD) {
+        let is_strange = is_unknown && user.is_none() || status == StatusCode::UNAUTHORIZED;
+        if is_strange || line.matched.is_some() && !is_try(&line.uri, status) {
+            let once = if is_strange {
+                // A stranger may try without end, under any name: once a route, or the log would be theirs to fill.
+                Some((None, line.action()))
+            } else {
+                None
+            };
+            let told: Vec<String> = told.into_iter().chain(span.map(|span| span.to_string())).collect();
+            note_change(&api, once, line.entry(&api, (user, status), &told)).await;
         }
-    } else if is_stranger || status == StatusCode::UNAUTHORIZED {
-        // A stranger may try without end, under any name: once a route, or the log would be theirs to fill.
-        audit.look(None, &format!("{method_name} {route}"), None, now)
-    } else if matched.is_some() && !is_try(&uri, status) {
-        Newness::New
-    } else {
-        Newness::Known
-    };
-    if newness == Newness::Known {
         return response;
     }
-    let mut target = uri.path_and_query().map_or_else(|| uri.path().to_owned(), ToString::to_string);
-    let further = (newness == Newness::Last).then(|| "further=not_noted".to_owned());
-    let told: Vec<String> =
-        told.into_iter().chain(span.map(|span| span.to_string())).chain(further).collect();
-    if !told.is_empty() {
-        target = format!("{target}#{}", told.join("&"));
+    // What was refused showed nothing; of a flood of wrong requests the metrics tell.
+    let is_shown = status.is_success() || status == StatusCode::SWITCHING_PROTOCOLS;
+    let Some(looks) = looks::of_route(line.route()).filter(|_| is_shown) else { return response };
+    let is_past = looks == Looks::Past || span.is_some();
+    let noting = line.note_look(&api, (user.as_deref(), status), told, span);
+    if is_past {
+        return noting.await.map_or_else(|error| unwritten(error).into_response(), |()| response);
     }
-    let entry = AuditEntry {
-        at: api.clock.now(),
-        user,
-        action: format!("{method_name} {route}"),
-        target,
-        status: status.as_u16(),
-    };
-    if let Err(error) = audit.append(&entry).await {
-        tracing::error!(%error, ?entry, "what was done could not be noted in the audit log");
+    // Without a picture of what goes on now nobody is watched over: it is shown, and the entry is written when that can be.
+    match tokio::time::timeout(LIVE_TIME, noting).await {
+        Ok(Ok(())) => {}
+        Ok(Err(error)) => tracing::debug!(%error, "a look at what is live is not noted"),
+        Err(_elapsed) => tracing::warn!("a look at what is live is answered before its entry is on disk"),
     }
     response
+}
+
+/// Notes what was changed or tried; of what has a caller and words, one line stands for all.
+async fn note_change(api: &Api, once: Option<(Option<String>, String)>, entry: AuditEntry) {
+    let Some(audit) = &api.audit else { return };
+    match once {
+        Some((user, what)) => {
+            let once = Once { user, what, part: None, kind: OnceKind::Try };
+            // It was refused already.
+            if let Err(error) = audit.note_once(once, api.clock.monotonic(), || entry).await {
+                tracing::debug!(%error, "what was refused is not noted");
+            }
+        }
+        None => {
+            if let Err(error) = audit.append(&entry).await {
+                tracing::error!(%error, ?entry, "what was done could not be noted in the audit log");
+            }
+        }
+    }
 }
 
 /// Returns the name of a method, and one name for all that nobody knows: clients can write any.

@@ -3,10 +3,10 @@
 //! Both are decided here: a route is a look where its description names a right of cameras, and the time is what the query
 //! (`t`, `from`, `to`), a playhead or the events that are answered say, gathered while the request is answered.
 
-use super::described;
 use super::openapi::Verb;
+use super::described;
 use std::cell::Cell;
-use std::collections::BTreeSet;
+use std::collections::BTreeMap;
 use std::fmt;
 use std::future::Future;
 use std::sync::LazyLock;
@@ -16,18 +16,34 @@ use videofields_vision::clock::Timestamp;
 /// Looks at the same part of the past are one look.
 const PART_NANOS: i64 = 600_000_000_000;
 
-/// Paths of routes at which somebody looks at what cameras saw; it follows from the program alone.
-static LOOKS: LazyLock<BTreeSet<&'static str>> = LazyLock::new(|| {
-    let is_seeing = |right: &Right| matches!(right, Right::Live | Right::History | Right::Export);
-    let routes = described().routes.into_iter();
-    let looks =
-        routes.filter(|route| route.verb == Verb::Get && route.operation.rights.iter().any(is_seeing));
-    looks.map(|route| route.path).collect()
+/// Kind of a route at which somebody looks at what cameras saw.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Looks {
+    /// At what goes on now, where no time is named.
+    Live,
+    /// At the past always.
+    Past,
+}
+
+/// Those routes by their paths; it follows from the program alone.
+static LOOKS: LazyLock<BTreeMap<&'static str, Looks>> = LazyLock::new(|| {
+    let looks = described().routes.into_iter().filter(|route| route.verb == Verb::Get).filter_map(|route| {
+        let has = |right| route.operation.rights.contains(&right);
+        let is_past = has(Right::History) || has(Right::Export);
+        let looks = if has(Right::Live) { Some(Looks::Live) } else { is_past.then_some(Looks::Past) };
+        looks.map(|looks| (route.path, looks))
+    });
+    looks.collect()
 });
 
+/// The request in hand.
+struct InHand {
+    /// Span at which it has looked so far.
+    span: Cell<Option<Span>>,
+}
+
 tokio::task_local! {
-    /// Span at which the request in hand has looked so far.
-    static LOOKED: Cell<Option<Span>>;
+    static IN_HAND: InHand;
 }
 
 /// Span from the earliest to the latest instant that was looked at.
@@ -38,6 +54,10 @@ pub(super) struct Span {
 }
 
 impl Span {
+    const fn at(instant: Timestamp) -> Self {
+        Self { from: instant, to: instant }
+    }
+
     /// Returns in which parts of the past it begins and ends.
     pub(super) fn part(self) -> (i64, i64) {
         (self.from.as_nanos().div_euclid(PART_NANOS), self.to.as_nanos().div_euclid(PART_NANOS))
@@ -51,16 +71,16 @@ impl fmt::Display for Span {
     }
 }
 
-/// Returns whether a GET of the route at `path` looks at what cameras saw.
-pub(super) fn is_look(path: &str) -> bool {
-    LOOKS.contains(path)
+/// Returns how a GET of the route at `path` looks at what cameras saw, where it does.
+pub(super) fn of_route(path: &str) -> Option<Looks> {
+    LOOKS.get(path).copied()
 }
 
 /// Notes that the request in hand looks at an instant of the past.
 pub(super) fn at(instant: Timestamp) {
     // What goes on after its answer has begun is no request's any more.
-    let _outside = LOOKED.try_with(|looked| {
-        let span = looked.get().unwrap_or(Span { from: instant, to: instant });
+    let _outside = IN_HAND.try_with(|InHand { span: looked, .. }| {
+        let span = looked.get().unwrap_or(Span::at(instant));
         looked.set(Some(Span { from: span.from.min(instant), to: span.to.max(instant) }));
     });
 }
@@ -69,9 +89,9 @@ pub(super) fn at(instant: Timestamp) {
 pub(super) async fn of<T>(answer: impl Future<Output = T>) -> (T, Option<Span>) {
     let both = async {
         let answer = answer.await;
-        (answer, LOOKED.with(Cell::get))
+        (answer, IN_HAND.with(|request| request.span.get()))
     };
-    LOOKED.scope(Cell::new(None), both).await
+    IN_HAND.scope(InHand { span: Cell::new(None) }, both).await
 }
 
 #[cfg(test)]
@@ -85,12 +105,15 @@ mod tests {
                 route.operation.parameters.iter().any(super::super::parameters::Parameter::is_time);
             // Its times are those at which snapshots were made.
             let is_list = route.path == "/api/v1/snapshots";
-            assert!(!takes_time || is_look(route.path) || is_list, "{}", route.path);
+            assert!(!takes_time || of_route(route.path).is_some() || is_list, "{}", route.path);
         }
         for of_cameras in ["/api/v1/events", "/api/v1/walls/{id}/tiles/{tile}/frames"] {
-            assert!(is_look(of_cameras), "{of_cameras}");
+            assert_eq!(of_route(of_cameras), Some(Looks::Live), "{of_cameras}");
         }
-        assert!(!is_look("/api/v1/cameras") && !is_look("/api/v1/audit"));
+        for past in ["/api/v1/exports/{id}/{file}", "/api/v1/cameras/{id}/strip.jpg"] {
+            assert_eq!(of_route(past), Some(Looks::Past), "{past}");
+        }
+        assert_eq!([of_route("/api/v1/cameras"), of_route("/api/v1/audit")], [None, None]);
     }
 
     #[tokio::test]
@@ -100,7 +123,10 @@ mod tests {
         let span = span.unwrap();
         assert_eq!((answer, span.part()), (3, (0, 1)));
         assert_eq!(span.to_string(), "shown=1970-01-01T00:08:20Z/1970-01-01T00:11:40Z");
-        assert_eq!(of(async { at(second(-1)) }).await.1.unwrap().to_string(), "shown=1969-12-31T23:59:59Z");
+        assert_eq!(
+            of(async { at(second(-1)) }).await.1.unwrap().to_string(),
+            "shown=1969-12-31T23:59:59Z"
+        );
         assert_eq!(of(async {}).await.1, None);
         // Nothing is noted outside.
         at(second(1));

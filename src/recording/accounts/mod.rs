@@ -12,7 +12,7 @@ mod secret;
 mod throttle;
 
 pub use anchor::{Anchor, AnchorError};
-pub use audit::{Audit, MAX_PARTS_EACH, Newness};
+pub use audit::{Audit, MAX_PARTS_EACH, Once, OnceKind, Unwritten};
 pub use document::{TokenSummary, UserChange, UserSummary};
 pub use error::AccountError;
 pub use secret::NoRandomness;

@@ -8,6 +8,8 @@ use super::users::{House, Shows};
 use axum::body::Body;
 use axum::http::{Request, StatusCode};
 use serde_json::{Value, json};
+use sqlx::{Connection, SqliteConnection};
+use std::time::Duration;
 
 /// Routes that the stand-in does not answer so: these take a WebSocket, or snapshots.
 fn is_another(path: &str) -> bool {
@@ -148,4 +150,63 @@ async fn another_part_of_the_past_is_another_look() {
             path.to_owned()
         ]
     );
+}
+
+async fn targets(house: &House, token: &str) -> Vec<String> {
+    let entries = entries(house, token).await;
+    entries.iter().map(|entry| entry["target"].as_str().unwrap().to_owned()).collect()
+}
+
+async fn beside(house: &House) -> SqliteConnection {
+    SqliteConnection::connect(&format!("sqlite://{}", house.store.path().display())).await.unwrap()
+}
+
+#[tokio::test]
+async fn a_look_is_noted_though_its_caller_leaves_before_the_answer() {
+    let (house, token) = House::with_admin().await;
+    let path = "/api/v1/cameras/north/frame.png?t=1000000000";
+    let request = || Request::get(path).header("authorization", format!("Bearer {token}"));
+    // The database is held, so that the entry has to wait.
+    let mut holder = beside(&house).await;
+    sqlx::raw_sql("begin immediate").execute(&mut holder).await.unwrap();
+    let asked = house.bench.send_open(request().body(Body::empty()).unwrap());
+    assert!(tokio::time::timeout(Duration::from_millis(500), asked).await.is_err(), "no entry, no answer");
+    // Nor does anybody else see it before.
+    let again = house.bench.send_open(request().body(Body::empty()).unwrap());
+    assert!(tokio::time::timeout(Duration::from_millis(100), again).await.is_err(), "no entry, no answer");
+    sqlx::raw_sql("rollback").execute(&mut holder).await.unwrap();
+    assert_eq!(look(&house, &token, path).await.0, 200);
+    assert_eq!(targets(&house, &token).await[1..], [format!("{path}#shown=1970-01-01T00:00:01Z")]);
+}
+
+#[tokio::test]
+async fn nothing_of_the_past_is_shown_that_cannot_be_noted_and_what_is_live_is() {
+    let (house, token) = House::with_admin().await;
+    let (live, past) = ("/api/v1/cameras/north/frame.png", "/api/v1/cameras/north/frame.png?t=1000000000");
+    let strip = "/api/v1/cameras/north/strip.jpg?from=0&to=1&count=1";
+    let mut other = beside(&house).await;
+    let full =
+        "create trigger full before insert on audit begin select raise(abort, 'the disk is full'); end";
+    sqlx::raw_sql(full).execute(&mut other).await.unwrap();
+    let get = async |path: &str| house.get(path, Shows::Token(&token)).await;
+    for path in [past, strip] {
+        let refused = get(path).await.problem(503, path.split('?').next().unwrap());
+        let expected = "the audit log cannot be written, and nothing of the past is shown without that";
+        assert_eq!(refused["detail"], expected);
+    }
+    assert_eq!(get(live).await.status, 200);
+    assert_eq!(
+        house
+            .send("PUT", "/api/v1/playheads/a", Shows::Token(&token), &[("if-none-match", "*")], json!({}))
+            .await
+            .status,
+        201
+    );
+    sqlx::raw_sql("drop trigger full").execute(&mut other).await.unwrap();
+    house.forward(Duration::from_secs(1));
+    for path in [past, live, past, live] {
+        assert_eq!(get(path).await.status, 200);
+    }
+    let expected = [format!("{past}#shown=1970-01-01T00:00:01Z"), live.to_owned()];
+    assert_eq!(targets(&house, &token).await[1..], expected);
 }

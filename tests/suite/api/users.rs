@@ -87,6 +87,11 @@ impl House {
         (house, token)
     }
 
+    /// Lets time pass.
+    pub(super) fn forward(&self, time: Duration) {
+        self.clock.forward(time);
+    }
+
     pub(super) async fn send(
         &self,
         method: &str,
