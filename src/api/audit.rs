@@ -40,6 +40,10 @@ const MAX_NUMBER: i64 = (1 << 53) - 1;
 /// Longest time that a look at what is live waits for its entry: a disk may hang.
 const LIVE_TIME: Duration = Duration::from_secs(2);
 
+/// Parameters of queries that name what is looked at. Others say how it is shown, or which part of the past, which is told apart by
+/// itself.
+const NAMING: [&str; 3] = ["camera", "relight_camera", "scene"];
+
 const PARAMETERS: &[Parameter] = &[pages::LIMIT, pages::CURSOR];
 
 /// Routes about what was done.
@@ -81,6 +85,11 @@ pub(super) struct Line {
 }
 
 impl Line {
+    #[cfg(test)]
+    pub(super) fn test() -> Self {
+        Self { method: Method::GET, uri: Uri::default(), matched: None }
+    }
+
     fn route(&self) -> &str {
         self.matched.as_ref().map_or("(none)", MatchedPath::as_str)
     }
@@ -99,12 +108,20 @@ impl Line {
         AuditEntry { at: api.clock.now(), user, action: self.action(), target, status: status.as_u16() }
     }
 
-    /// Returns words for what it looks at: its path, and what was told of it.
+    /// Returns words for what it looks at: method, path, the names of a query, and what was told of it.
     fn looked_at(&self, told: Option<&str>) -> String {
-        let words = decoded(self.uri.path());
+        let mut words = format!("{} {}", known_name(&self.method), decoded(self.uri.path()));
+        let query = self.uri.query().unwrap_or_default();
+        for name in NAMING {
+            let pairs = query.split('&').filter_map(|part| part.split_once('='));
+            let mut named = pairs.filter(|(other, _)| decoded(other) == name);
+            if let Some((_, value)) = named.next() {
+                words = format!("{words}?{name}={}", decoded(value));
+            }
+        }
         match told {
             Some(told) => format!("{words}#{told}"),
-            None => words.into_owned(),
+            None => words,
         }
     }
 
@@ -269,4 +286,52 @@ fn document(record: &AuditRecord) -> Value {
         "status": status,
         "digest": record.digest_text(),
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::described;
+    use crate::openapi::Verb;
+    use crate::parameters::Parameter;
+    use std::collections::BTreeSet;
+
+    fn line(target: &str) -> Line {
+        Line { uri: target.parse().unwrap(), ..Line::test() }
+    }
+
+    #[test]
+    fn looks_at_other_things_have_other_words_however_they_are_written() {
+        let words = |target: &str| line(target).looked_at(None);
+        let path = "/api/v1/events";
+        assert_ne!(words(&format!("{path}?camera=north")), words(&format!("{path}?camera=south")));
+        assert_ne!(words(path), words(&format!("{path}?camera=north")));
+        for same in ["camera=n%6Frth", "c%61mera=north", "after=3&camera=north", "camera=north&limit=2"] {
+            assert_eq!(words(&format!("{path}?camera=north")), words(&format!("{path}?{same}")), "{same}");
+        }
+        assert_eq!(words("/api/v1/cameras/n%6Frth"), words("/api/v1/cameras/north"));
+        let head = Line { method: Method::HEAD, ..line(path) };
+        assert_ne!(head.looked_at(None), words(path));
+        assert_ne!(line(path).looked_at(Some("shows_hidden=north")), words(path));
+    }
+
+    #[test]
+    fn every_parameter_that_names_something_seen_tells_looks_apart() {
+        // It names a viewer.
+        let others = BTreeSet::from(["session"]);
+        let routes = described().routes.into_iter();
+        let looks = routes.filter(|route| route.verb == Verb::Get && looks::of_route(route.path).is_some());
+        let named: BTreeSet<&str> = looks
+            .flat_map(|route| route.operation.parameters.clone())
+            .filter(Parameter::is_id)
+            .map(|parameter| parameter.name)
+            .collect();
+        assert!(
+            named.contains("camera") && named.contains("relight_camera") && named.contains("scene"),
+            "{named:?}"
+        );
+        let unknown: Vec<&&str> =
+            named.iter().filter(|name| !NAMING.contains(name) && !others.contains(*name)).collect();
+        assert!(unknown.is_empty(), "{unknown:?}");
+    }
 }

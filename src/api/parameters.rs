@@ -165,6 +165,12 @@ impl Parameter {
         matches!(self.shape, Shape::Instant | Shape::Moment)
     }
 
+    /// Returns whether it names something.
+    #[cfg(test)]
+    pub(super) const fn is_id(&self) -> bool {
+        matches!(self.shape, Shape::Id)
+    }
+
     /// Its JSON Schema.
     pub(super) fn schema(&self) -> Value {
         let mut schema = match self.shape {

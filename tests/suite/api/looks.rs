@@ -210,3 +210,32 @@ async fn nothing_of_the_past_is_shown_that_cannot_be_noted_and_what_is_live_is()
     let expected = [format!("{past}#shown=1970-01-01T00:00:01Z"), live.to_owned()];
     assert_eq!(targets(&house, &token).await[1..], expected);
 }
+
+#[tokio::test]
+async fn a_look_at_another_camera_by_the_same_path_is_another_look() {
+    let (house, token) = House::with_admin().await;
+    let events = "/api/v1/events/stream";
+    for camera in ["north", "south", "north"] {
+        look(&house, &token, &format!("{events}?camera={camera}")).await;
+    }
+    for method in ["HEAD", "GET", "HEAD"] {
+        house.send(method, "/api/v1/cameras/north/frame.png", Shows::Token(&token), &[], Value::Null).await;
+    }
+    let noted = entries(&house, &token).await;
+    let lines: Vec<String> = noted[1..]
+        .iter()
+        .map(|entry| {
+            let method = entry["action"].as_str().unwrap().split(' ').next().unwrap();
+            format!("{method} {}", entry["target"].as_str().unwrap())
+        })
+        .collect();
+    assert_eq!(
+        lines,
+        [
+            format!("GET {events}?camera=north"),
+            format!("GET {events}?camera=south"),
+            "HEAD /api/v1/cameras/north/frame.png".to_owned(),
+            "GET /api/v1/cameras/north/frame.png".to_owned(),
+        ]
+    );
+}
