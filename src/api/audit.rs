@@ -37,6 +37,9 @@ use videofields_vision::error::ErrorKind;
 /// Greatest number of an entry that is asked for.
 const MAX_NUMBER: i64 = (1 << 53) - 1;
 
+/// Most bytes of a request's target in an entry.
+const MAX_TARGET_BYTES: usize = 512;
+
 /// Longest time that a look at what is live waits for its entry: a disk may hang.
 const LIVE_TIME: Duration = Duration::from_secs(2);
 
@@ -101,7 +104,7 @@ impl Line {
     /// Returns an entry of it; `told` stands behind its target.
     fn entry(&self, api: &Api, (user, status): (Option<String>, StatusCode), told: &[String]) -> AuditEntry {
         let asked = self.uri.path_and_query().map_or_else(|| self.uri.path(), |asked| asked.as_str());
-        let mut target = asked.to_owned();
+        let mut target = cut(asked).into_owned();
         if !told.is_empty() {
             target = format!("{target}#{}", told.join("&"));
         }
@@ -157,6 +160,14 @@ fn decoded(text: &str) -> Cow<'_, str> {
     percent_decode_str(text).decode_utf8_lossy()
 }
 
+/// Returns the first bytes of a target that is longer than lines have.
+fn cut(target: &str) -> Cow<'_, str> {
+    if target.len() <= MAX_TARGET_BYTES {
+        return target.into();
+    }
+    format!("{}...", &target[..target.floor_char_boundary(MAX_TARGET_BYTES)]).into()
+}
+
 /// Returns what a caller reads whose look at the past cannot be noted.
 pub(super) fn unwritten(error: Unwritten) -> Problem {
     Problem::new(ErrorKind::Unavailable, format!("{error}, and nothing of the past is shown without that"))
@@ -189,7 +200,8 @@ pub(super) async fn note(
                 // A stranger may try without end, under any name: once a route, or the log would be theirs to fill.
                 Some((None, line.action()))
             } else {
-                None
+                // So may a user, but what they did is told one by one.
+                is_refusal(status).then(|| (user.clone(), format!("{} {}", line.action(), status.as_u16())))
             };
             let told: Vec<String> = told.into_iter().chain(span.map(|span| span.to_string())).collect();
             note_change(&api, once, line.entry(&api, (user, status), &told)).await;
@@ -230,6 +242,11 @@ async fn note_change(api: &Api, once: Option<(Option<String>, String)>, entry: A
             }
         }
     }
+}
+
+/// Returns whether a status says that nothing was changed; of a fault of the daemon's own nobody knows.
+fn is_refusal(status: StatusCode) -> bool {
+    status.is_client_error() || status.is_server_error() && status != StatusCode::INTERNAL_SERVER_ERROR
 }
 
 /// Returns the name of a method, and one name for all that nobody knows: clients can write any.
@@ -333,5 +350,14 @@ mod tests {
         let unknown: Vec<&&str> =
             named.iter().filter(|name| !NAMING.contains(name) && !others.contains(*name)).collect();
         assert!(unknown.is_empty(), "{unknown:?}");
+    }
+
+    #[test]
+    fn long_targets_are_cut() {
+        let whole = format!("/{}", "a".repeat(MAX_TARGET_BYTES - 1));
+        assert_eq!(cut(&whole), whole);
+        assert_eq!(cut(&format!("{whole}bc")), format!("{whole}..."));
+        assert_eq!(cut(&"ä".repeat(300)).len(), MAX_TARGET_BYTES + 3);
+        assert_eq!(cut(&format!("a{}", "ä".repeat(300))).len(), MAX_TARGET_BYTES - 1 + 3);
     }
 }

@@ -161,7 +161,12 @@ async fn run(config: &Config, load: Load, announce: impl FnOnce(&str)) -> Result
         at_start: in_file.clone(),
         last: tokio::sync::Mutex::new(in_file),
     });
-    let trust = api::Trust { accounts: Arc::clone(&accounts), audit, catalog, snapshots: snapshots.clone() };
+    let trust = api::Trust {
+        accounts: Arc::clone(&accounts),
+        audit: Arc::clone(&audit),
+        catalog,
+        snapshots: snapshots.clone(),
+    };
     let site = Site {
         hosts: settings.server.hosts.clone(),
         is_encrypted: tls.is_some(),
@@ -173,7 +178,7 @@ async fn run(config: &Config, load: Load, announce: impl FnOnce(&str)) -> Result
     upkeep.spawn(upkeep::follow_signals(tls.clone(), Arc::downgrade(&accounts), Arc::clone(&reload), hangup));
     upkeep.spawn(upkeep::shorten_audit(Arc::downgrade(&reload)));
     let tools = (watched, Arc::clone(&clock));
-    upkeep.spawn(audit::watch(store.clone(), tools.clone()));
+    upkeep.spawn(audit::watch((store.clone(), audit), tools.clone()));
     upkeep.spawn(audit::anchor(store.clone(), settings.storage.clone(), tools));
     upkeep.spawn(upkeep::mend(Arc::downgrade(&reload)));
     upkeep.spawn(upkeep::keep_awake(engine.handle()));

@@ -3,7 +3,7 @@
 use anyhow::{Context, Result};
 use std::sync::Arc;
 use std::time::Duration;
-use videofields_recording::accounts::Anchor;
+use videofields_recording::accounts::{Anchor, Audit};
 use videofields_recording::signing::SigningKey;
 use videofields_recording::store::{AuditKeys, Store};
 use videofields_recording::telemetry::Metrics;
@@ -75,13 +75,20 @@ pub(super) async fn anchor(store: Store, storage: StorageSettings, tools: (Arc<M
     }
 }
 
-/// Looks every few seconds whether the log's end is as it was written, and every hour at all of it; counts what is wrong.
-pub(super) async fn watch(store: Store, (metrics, clock): (Arc<Metrics>, Arc<dyn Clock>)) {
+/// Looks every few seconds whether the log's end is as it was written, and every hour at all of it; counts what is wrong. Tells in the
+/// log how often what is noted once came again.
+pub(super) async fn watch(
+    (store, audit): (Store, Arc<Audit>),
+    (metrics, clock): (Arc<Metrics>, Arc<dyn Clock>),
+) {
     for n_looks in 0_u64.. {
         let looked = match n_looks % LOOKS_A_WHOLE {
             0 => store.check_whole_audit(clock.now()).await,
             _ => store.check_audit_head(clock.now()).await,
         };
+        if let Err(error) = audit.tell_counts(clock.monotonic(), clock.now()).await {
+            tracing::error!(%error, "how often something was tried could not be noted in the audit log");
+        }
         if let Err(error) = looked {
             tracing::error!(%error, "the audit log cannot be looked at");
         }

@@ -239,3 +239,34 @@ async fn a_look_at_another_camera_by_the_same_path_is_another_look() {
         ]
     );
 }
+
+#[tokio::test]
+async fn what_a_user_is_refused_is_counted_and_does_not_fill_the_log() {
+    let (house, admin) = House::with_admin().await;
+    assert_eq!(house.user(&admin, "ann", json!({"role": "viewer"})).await.status, 201);
+    let (_, ann) = house.accounts.add_token("ann", String::new(), None).await.unwrap();
+    let n_before = entries(&house, &admin).await.len();
+    let refused = async |token: &str, n: usize| {
+        for idx in 0..n {
+            let target = format!("/api/v1/playheads/x?{idx}{}", "a".repeat(1900));
+            let answer = house.send("DELETE", &target, Shows::Token(token), &[], Value::Null).await;
+            assert!(answer.status.is_client_error(), "{}", answer.status);
+        }
+    };
+    refused(&ann, 50).await;
+    refused(&admin, 2).await;
+    // Another route, and another status.
+    house.send("DELETE", "/api/v1/users/root", Shows::Token(&ann), &[], Value::Null).await;
+    house.forward(Duration::from_secs(600));
+    refused(&ann, 1).await;
+    let added = entries(&house, &admin).await.split_off(n_before);
+    let lines: Vec<(&str, &str)> = added
+        .iter()
+        .map(|entry| (entry["user"].as_str().unwrap(), entry["action"].as_str().unwrap()))
+        .collect();
+    let (playhead, user) = ("DELETE /api/v1/playheads/{id}", "DELETE /api/v1/users/{id}");
+    assert_eq!(lines, [("ann", playhead), ("root", playhead), ("ann", user), ("ann", playhead)]);
+    let target = |idx: usize| added[idx]["target"].as_str().unwrap();
+    assert_eq!((target(0).len(), &target(0)[..22]), (515, "/api/v1/playheads/x?0a"));
+    assert_eq!(target(3)[510..], *"aa...#again=49");
+}
