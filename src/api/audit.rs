@@ -187,7 +187,7 @@ pub(super) async fn note(
     let identity = request.extensions().get::<Identity>();
     let is_unknown = identity.is_none_or(Identity::is_stranger);
     let mut user = identity.and_then(|identity| identity.caller.user.clone());
-    let (mut response, span) = looks::of(next.run(request)).await;
+    let (mut response, span) = looks::of(line.clone(), next.run(request)).await;
     if let Some(Actor(actor)) = response.extensions_mut().remove::<Actor>() {
         user = Some(actor);
     }

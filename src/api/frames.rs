@@ -4,6 +4,7 @@
 //! pictures, always the newest, and nobody else waits for it.
 
 use super::error::Problem;
+use super::looks::Following;
 use super::parameters::Parameter;
 use super::picture::Picture;
 use super::query::Query;
@@ -14,6 +15,7 @@ use super::{Api, kept, scenes, view, views};
 use std::ops::RangeInclusive;
 use std::time::Duration;
 use videofields_service::catalog::NamedView;
+use videofields_service::engine::At;
 use videofields_service::wall::Wall;
 use videofields_vision::encode::PictureFormat;
 
@@ -136,6 +138,19 @@ impl Source {
         }
     }
 
+    /// The picture that is due, where it goes on after its answer has begun: which of the past it shows is noted first.
+    pub(super) async fn followed(
+        &mut self,
+        api: &Api,
+        following: Option<&Following>,
+    ) -> Result<Shown, Problem> {
+        let shown = self.next(api).await?;
+        if let (At::Time(instant), Some(following)) = (shown.picture.moment.at, following) {
+            following.shows(api, instant).await?;
+        }
+        Ok(shown)
+    }
+
     /// The picture that is due.
     pub(super) async fn next(&mut self, api: &Api) -> Result<Shown, Problem> {
         match self {
@@ -163,7 +178,7 @@ impl Source {
 impl Pace {
     fn shown(&mut self, picture: Picture) -> Shown {
         self.n_shown += 1;
-        let is_live = picture.moment.at == videofields_service::engine::At::Live;
+        let is_live = picture.moment.at == At::Live;
         Shown { frame: self.n_shown, version: 0, rate_hz: self.rate_hz, is_live, is_pattern: false, picture }
     }
 }

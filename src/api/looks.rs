@@ -1,15 +1,19 @@
 //! Which requests look at what cameras saw, and at which time, for the audit log.
 //!
 //! Both are decided here: a route is a look where its description names a right of cameras, and the time is what the query
-//! (`t`, `from`, `to`), a playhead or the events that are answered say, gathered while the request is answered.
+//! (`t`, `from`, `to`), a playhead or the events that are answered say, gathered while the request is answered. What goes on after
+//! its answer has begun ([`Following`]) notes by itself where it goes.
 
+use super::audit::{Line, unwritten};
+use super::error::Problem;
 use super::openapi::Verb;
-use super::described;
+use super::{Api, described};
+use axum::http::StatusCode;
 use std::cell::Cell;
 use std::collections::BTreeMap;
 use std::fmt;
 use std::future::Future;
-use std::sync::LazyLock;
+use std::sync::{LazyLock, Mutex, PoisonError};
 use videofields_vision::access::Right;
 use videofields_vision::clock::Timestamp;
 
@@ -38,6 +42,7 @@ static LOOKS: LazyLock<BTreeMap<&'static str, Looks>> = LazyLock::new(|| {
 
 /// The request in hand.
 struct InHand {
+    line: Line,
     /// Span at which it has looked so far.
     span: Cell<Option<Span>>,
 }
@@ -85,13 +90,48 @@ pub(super) fn at(instant: Timestamp) {
     });
 }
 
-/// Returns what a request's `answer` is, and at what of the past it looked.
-pub(super) async fn of<T>(answer: impl Future<Output = T>) -> (T, Option<Span>) {
+/// Returns what a request's `answer` is, and at what of the past it looked; `line` tells of it.
+pub(super) async fn of<T>(line: Line, answer: impl Future<Output = T>) -> (T, Option<Span>) {
     let both = async {
         let answer = answer.await;
         (answer, IN_HAND.with(|request| request.span.get()))
     };
-    IN_HAND.scope(InHand { span: Cell::new(None) }, both).await
+    IN_HAND.scope(InHand { line, span: Cell::new(None) }, both).await
+}
+
+/// Returns what notes where the answer of the request in hand goes that goes on for long; none where nothing is noted.
+pub(super) fn following(status: StatusCode) -> Option<Following> {
+    let line = IN_HAND.try_with(|request| request.line.clone()).ok()?;
+    Some(Following { line, status, part: Mutex::new(None) })
+}
+
+/// Looks of a stream, which shows another part of the past when its playhead gets there.
+#[derive(Debug)]
+pub(super) struct Following {
+    line: Line,
+    status: StatusCode,
+    /// The part that was noted last.
+    part: Mutex<Option<(i64, i64)>>,
+}
+
+impl Following {
+    /// Notes that it shows an instant of the past, where that is in another part than what it showed before.
+    ///
+    /// # Errors
+    /// When that cannot be written: then it must not be shown.
+    pub(super) async fn shows(&self, api: &Api, instant: Timestamp) -> Result<(), Problem> {
+        let span = Span::at(instant);
+        // One value, replaced whole.
+        let known = || self.part.lock().unwrap_or_else(PoisonError::into_inner);
+        if *known() == Some(span.part()) {
+            return Ok(());
+        }
+        let user = api.identity.caller.user.as_deref();
+        let noted = self.line.note_look(api, (user, self.status), None, Some(span)).await;
+        noted.map_err(unwritten)?;
+        *known() = Some(span.part());
+        Ok(())
+    }
 }
 
 #[cfg(test)]
@@ -119,15 +159,15 @@ mod tests {
     #[tokio::test]
     async fn a_span_reaches_over_all_that_a_request_looked_at() {
         let second = |second: i64| Timestamp::from_nanos(second * 1_000_000_000);
-        let (answer, span) = of(async { [700, 500, 600].map(second).map(at).len() }).await;
+        let (answer, span) = of(Line::test(), async { [700, 500, 600].map(second).map(at).len() }).await;
         let span = span.unwrap();
         assert_eq!((answer, span.part()), (3, (0, 1)));
         assert_eq!(span.to_string(), "shown=1970-01-01T00:08:20Z/1970-01-01T00:11:40Z");
         assert_eq!(
-            of(async { at(second(-1)) }).await.1.unwrap().to_string(),
+            of(Line::test(), async { at(second(-1)) }).await.1.unwrap().to_string(),
             "shown=1969-12-31T23:59:59Z"
         );
-        assert_eq!(of(async {}).await.1, None);
+        assert_eq!(of(Line::test(), async {}).await.1, None);
         // Nothing is noted outside.
         at(second(1));
     }

@@ -1,5 +1,6 @@
 //! `/api/v1/playheads`: places in scene time that operators and walls share.
 
+use super::audit::Noted;
 use super::conditions::{etag, optional};
 use super::content::Content;
 use super::error::Problem;
@@ -21,6 +22,7 @@ use std::convert::Infallible;
 use std::time::Duration;
 use tokio::sync::watch;
 use videofields_recording::store::DocumentKind;
+use videofields_recording::timeline::PlayheadMode;
 use videofields_service::catalog::{CatalogError, Condition, PlayheadAsked};
 use videofields_service::engine::{ENDED, EngineError, Handle, PlayheadState};
 use videofields_vision::access::Role;
@@ -155,7 +157,21 @@ async fn changed(
         }
     };
     let status = if is_new { StatusCode::CREATED } else { StatusCode::OK };
-    Ok(answer(status, version, &state))
+    let mut response = answer(status, version, &state);
+    response.extensions_mut().insert(Noted(noted(&state)));
+    Ok(response)
+}
+
+/// Returns what a line of the log tells of a change: where whoever follows it looks from then on.
+fn noted(state: &PlayheadState) -> String {
+    let mode = match state.mode {
+        PlayheadMode::Live => "live",
+        PlayheadMode::Playing => "playing",
+        PlayheadMode::Paused => "paused",
+    };
+    let PlayheadState { scene, position, rate, range, .. } = state;
+    let range = range.iter().map(|[from, to]| format!("&loop={from}/{to}"));
+    format!("scene={scene}&at={position}&mode={mode}&rate={rate}{}", range.collect::<String>())
 }
 
 /// Removes a playhead.

@@ -7,6 +7,7 @@
 use super::error::Problem;
 use super::frames::{MAX_FAILURES, PAUSE, RATE, Shown, Source, split_off};
 use super::identity::Asked;
+use super::looks::{self, Following};
 use super::openapi::Routes;
 use super::operation::{Answer, Operation};
 use super::parameters::{Parameter, words};
@@ -20,11 +21,12 @@ use super::{Api, Site, effects, effort, scenes, view, views, walls};
 use axum::extract::RawQuery;
 use axum::extract::ws::rejection::WebSocketUpgradeRejection;
 use axum::extract::ws::{CloseFrame, Message, WebSocket, WebSocketUpgrade, close_code};
-use axum::http::HeaderMap;
+use axum::http::{HeaderMap, StatusCode};
 use axum::response::Response;
 use futures_util::future::BoxFuture;
 use serde::Deserialize;
 use std::collections::VecDeque;
+use std::sync::Arc;
 use std::time::Duration;
 use videofields_service::wall::FrameHeader;
 use videofields_vision::access::Right;
@@ -169,7 +171,8 @@ fn begin(
         Source::View { .. } | Source::Named { .. } => None,
     };
     let (n_credits, on_their_way) = (n_credits as usize, VecDeque::new());
-    let talk = Talk { api, n_credits, on_their_way, n_failures: 0, screen };
+    let following = looks::following(StatusCode::SWITCHING_PROTOCOLS).map(Arc::new);
+    let talk = Talk { api, n_credits, on_their_way, n_failures: 0, screen, following };
     Ok(upgrade.on_upgrade(move |socket| talk.hold(socket, source, permit)))
 }
 
@@ -231,6 +234,7 @@ struct Talk {
     n_failures: u32,
     /// Of a tile, that it is shown here.
     screen: Option<screens::Place>,
+    following: Option<Arc<Following>>,
 }
 
 /// A source and what it shows.
@@ -304,11 +308,11 @@ impl Talk {
 
     /// What comes next of `source`.
     fn next(&self, mut source: Source) -> Next {
-        let api = self.api.clone();
+        let (api, following) = (self.api.clone(), self.following.clone());
         let pause = if self.n_failures > 0 { PAUSE } else { Duration::ZERO };
         Box::pin(async move {
             tokio::time::sleep(pause).await;
-            let shown = source.next(&api).await;
+            let shown = source.followed(&api, following.as_deref()).await;
             (source, shown)
         })
     }

@@ -12,11 +12,12 @@ use super::segments::Segments;
 use super::shares::Place;
 
 use super::Api;
+use super::looks::{self, Following};
 use super::wall_tiles::Wishes;
 use super::{effects, effort, scenes, view, views, walls};
 use axum::body::{Body, Bytes};
 use axum::extract::RawQuery;
-use axum::http::{HeaderValue, header};
+use axum::http::{HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use futures_util::stream::{self, StreamExt};
 use std::convert::Infallible;
@@ -98,6 +99,7 @@ struct Running {
     source: Source,
     /// What was drawn already.
     first: Option<Picture>,
+    following: Option<Following>,
     _permit: Place<String>,
 }
 
@@ -106,7 +108,13 @@ async fn begin(api: Api, mut source: Source) -> Result<Response, Problem> {
     // What is wrong with the request is told as it is for one picture.
     let Shown { picture, .. } = source.next(&api).await?;
     let connection = api.connection.clone();
-    let running = Running { api, source, first: Some(picture), _permit: permit };
+    let running = Running {
+        api,
+        source,
+        first: Some(picture),
+        following: looks::following(StatusCode::OK),
+        _permit: permit,
+    };
     let parts = stream::unfold(running, Running::next).flat_map(stream::iter);
     let fields =
         [(header::CONTENT_TYPE, CONTENT_TYPE), (header::CACHE_CONTROL, HeaderValue::from_static("no-store"))];
@@ -122,7 +130,10 @@ impl Running {
             self.api = self.api.renewed()?;
             let picture = match self.first.take() {
                 Some(picture) => Ok(picture),
-                None => self.source.next(&self.api).await.map(|shown| shown.picture),
+                None => {
+                    let shown = self.source.followed(&self.api, self.following.as_ref()).await;
+                    shown.map(|shown| shown.picture)
+                }
             };
             match picture {
                 Ok(picture) => return Some((part(picture), self)),

@@ -353,6 +353,7 @@ impl Door for FakeDoor {
         let mut door = self.0.lock().unwrap();
         let playhead = door.playheads.iter_mut().find(|playhead| playhead.id == id).unwrap();
         playhead.rate = change["rate"].as_f64().unwrap_or(playhead.rate);
+        change["at"].as_str().into_iter().for_each(|at| at.clone_into(&mut playhead.position));
         playhead.version += 1;
         let state = playhead.clone();
         door.changes.send_modify(|version| *version += 1);

@@ -2,11 +2,12 @@
 
 use super::contract::{document, operations};
 use super::contract_held::{furnished, path_of, query_of};
-use super::sockets::{dial, frame};
+use super::sockets::{ack, dial, frame};
 use super::strangers::{entries, serve};
 use super::users::{House, Shows};
 use axum::body::Body;
 use axum::http::{Request, StatusCode};
+use futures_util::StreamExt;
 use serde_json::{Value, json};
 use sqlx::{Connection, SqliteConnection};
 use std::time::Duration;
@@ -269,4 +270,50 @@ async fn what_a_user_is_refused_is_counted_and_does_not_fill_the_log() {
     let target = |idx: usize| added[idx]["target"].as_str().unwrap();
     assert_eq!((target(0).len(), &target(0)[..22]), (515, "/api/v1/playheads/x?0a"));
     assert_eq!(target(3)[510..], *"aa...#again=49");
+}
+
+#[tokio::test]
+async fn a_stream_that_follows_a_playhead_notes_where_it_goes() {
+    let (house, token) = furnished().await;
+    let wall = json!({
+        "scene": "plaza", "playhead": "wall", "view": {"eye_m": [0, -14, 5], "target_m": [0, 2, 1]},
+        "surface": {"grid": {"columns": 1, "rows": 1, "tile_px": [32, 24], "tile_m": [0.4, 0.3]}},
+    });
+    let made =
+        house.send("PUT", "/api/v1/walls/past", Shows::Token(&token), &[("if-none-match", "*")], wall).await;
+    assert_eq!(made.status, 201, "{}", String::from_utf8_lossy(&made.body));
+    let mjpeg = "/api/v1/scenes/plaza/view.mjpeg?width=8&height=4&rate=30&t=playhead:wall";
+    let request = Request::get(mjpeg).header("authorization", format!("Bearer {token}"));
+    let answer = house.bench.send_open(request.body(Body::empty()).unwrap()).await;
+    let mut pictures = answer.into_body().into_data_stream();
+    let served = serve(&house).await;
+    let tile = "/api/v1/walls/past/tiles/r1c1/frames";
+    let bearer = [("authorization", format!("Bearer {token}"))];
+    let mut socket = dial(served.address, tile, &bearer).await.unwrap();
+    let n_before = entries(&house, &token).await.len();
+    for (at, has_part) in
+        [("1970-01-01T00:20:00Z", true), ("1970-01-01T00:29:59Z", false), ("1970-01-01T00:00:03Z", false)]
+    {
+        let moved =
+            house.send("PATCH", "/api/v1/playheads/wall", Shows::Token(&token), &[], json!({"at": at})).await;
+        assert_eq!(moved.status, 200, "{}", String::from_utf8_lossy(&moved.body));
+        let noted = last(&house, &token).await;
+        assert_eq!(noted, format!("/api/v1/playheads/wall#scene=plaza&at={at}&mode=paused&rate=1"));
+        // A part is three pieces, and the one in hand may be of before.
+        for _ in 0..6 {
+            pictures.next().await.unwrap().unwrap();
+        }
+        for _ in 0..3 {
+            // Frames of walls are numbered by a clock that stands still here.
+            house.forward(Duration::from_secs(1));
+            let (header, _) = frame(&mut socket).await;
+            ack(&mut socket, header.frame).await;
+        }
+        let noted = targets(&house, &token).await;
+        for path in [mjpeg, tile] {
+            let is_there = noted.contains(&format!("{path}#shown={at}"));
+            assert_eq!(is_there, has_part, "{path} at {at}: {noted:?}");
+        }
+    }
+    assert_eq!(entries(&house, &token).await.len(), n_before + 3 + 2);
 }
