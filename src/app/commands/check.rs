@@ -76,10 +76,13 @@ fn warn_of_roots(settings: &Settings) {
 /// Warns of keys with which the audit log cannot be signed; `doctor` tells of a log that is to have none.
 fn warn_of_audit_key(settings: &Settings) {
     let storage = &settings.storage;
-    let keys = [&storage.audit_key, &storage.audit_key_before];
-    for key in keys.into_iter().filter(|key| !key.as_os_str().is_empty()) {
+    let keys = [
+        (&storage.audit_key, "the audit log cannot be signed"),
+        (&storage.audit_key_before, "storage.audit_key cannot take over where it has not"),
+    ];
+    for (key, why) in keys.into_iter().filter(|(key, _)| !key.as_os_str().is_empty()) {
         if let Err(error) = SigningKey::read(key) {
-            super::complain(&format!("warning: the audit log cannot be signed: {error}"));
+            super::complain(&format!("warning: {why}: {error}"));
         }
     }
 }

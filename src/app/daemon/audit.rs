@@ -35,10 +35,17 @@ pub(super) async fn sign(
     let key = SigningKey::read(&storage.audit_key).context("the audit log cannot be signed")?;
     let key = Arc::new(key);
     let is_replaced = !storage.audit_key_before.as_os_str().is_empty();
-    let before = is_replaced
-        .then(|| SigningKey::read(&storage.audit_key_before))
-        .transpose()
-        .context("the key of the audit log that was used before cannot be read")?;
+    let before = match is_replaced.then(|| SigningKey::read(&storage.audit_key_before)).transpose() {
+        Ok(before) => before,
+        // It has signed that the other takes over, and is needed no more.
+        Err(error) if store.audit_signer().await? == Some(key.public()) => {
+            tracing::warn!(%error, "storage.audit_key_before can be left out: the audit log is signed with storage.audit_key");
+            None
+        }
+        Err(error) => {
+            return Err(error).context("the key of the audit log that was used before cannot be read");
+        }
+    };
     let keys = AuditKeys { key: Arc::clone(&key), before, head_file: storage.audit_head.clone() };
     store.sign_audit(keys, clock.now()).await.context("the audit log cannot be signed")?;
     Ok(Some(key))

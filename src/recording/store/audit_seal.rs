@@ -493,6 +493,15 @@ impl Store {
         Ok(())
     }
 
+    /// Returns the key of the newest signature.
+    ///
+    /// # Errors
+    /// When the database fails.
+    pub async fn audit_signer(&self) -> Result<Option<PublicKey>, StoreError> {
+        let mut connection = self.cache.acquire().await.map_err(|error| self.classify(error))?;
+        Ok(newest_signature(&mut connection, &self.path).await?.map(|(_, signature)| signature.key))
+    }
+
     /// Remembers the newest entry as it is there now.
     pub(super) async fn remember_audit(&self) -> Result<(), StoreError> {
         let mut connection = self.durable.acquire().await.map_err(|error| self.classify(error))?;

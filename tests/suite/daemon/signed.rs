@@ -121,3 +121,26 @@ fn a_key_that_everybody_can_read_is_refused_and_none_is_told() {
     std::fs::write(&config, text.replace("audit_key = \"audit.key\"\n", "")).unwrap();
     check(videofields().arg("check-config").arg(&config), 0, "good");
 }
+
+#[test]
+fn a_key_that_was_replaced_is_needed_until_the_other_has_taken_over() {
+    let folder = TempDir::new().unwrap();
+    let (config, _, _) = signed(folder.path());
+    Daemon::start(&config).stop("TERM");
+    let other = folder.path().join("other.key");
+    check(&mut command("audit", &config, &["key", "--out", other.to_str().unwrap()]), 0, "whose public key");
+    let text = std::fs::read_to_string(&config).unwrap();
+    let both = "audit_key = \"other.key\"\naudit_key_before = \"audit.key\"\n";
+    std::fs::write(&config, text.replacen("audit_key = \"audit.key\"\n", both, 1)).unwrap();
+    let (before, away) = (folder.path().join("audit.key"), folder.path().join("away.key"));
+    std::fs::rename(&before, &away).unwrap();
+    let needed = "the key of the audit log that was used before cannot be read";
+    check(&mut command("serve", &config, &["--listen", "127.0.0.1:0"]), 1, needed);
+    std::fs::rename(&away, &before).unwrap();
+    Daemon::start(&config).stop("TERM");
+    std::fs::remove_file(&before).unwrap();
+    let again = Daemon::start(&config);
+    assert!(again.json("/api/v1/system")["audit"]["fault"].is_null());
+    let stopped = again.stop("TERM");
+    assert!(stopped.stderr.contains("storage.audit_key_before can be left out"), "{}", stopped.stderr);
+}
