@@ -199,7 +199,8 @@ fn with_accounts(
             Ok(Some((action, target))) => {
                 let key = operator::audit_key(&config);
                 let entry = operator::entry(action, target.clone());
-                store.note_audit(&entry, key.as_ref()).await.map(|_number| ())
+                let signer = operator::signer(&config, key.as_ref());
+                store.note_audit(&entry, signer).await.map(|_number| ())
             }
             Ok(None) | Err(_) => Ok(()),
         };

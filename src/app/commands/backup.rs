@@ -153,7 +153,9 @@ async fn write(config: &Config, config_file: &Path, out: &Path, now: Timestamp) 
     }
     wrote.with_context(|| format!("cannot write {}", out.display()))?;
     let entry = operator::entry("backup", operator::whole(out));
-    if let Err(error) = store::note_audit(database, &entry, operator::audit_key(config).as_ref()).await {
+    let key = operator::audit_key(config);
+    let signer = operator::signer(config, key.as_ref());
+    if let Err(error) = store::note_audit(database, &entry, signer).await {
         super::complain(&format!("warning: the copy is made, but not noted in the audit log: {error}"));
     }
     Ok(contents)

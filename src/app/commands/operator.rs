@@ -3,7 +3,7 @@
 use anyhow::{Context, Result};
 use std::path::{Path, PathBuf};
 use videofields_recording::signing::SigningKey;
-use videofields_recording::store::AuditEntry;
+use videofields_recording::store::{AuditEntry, NoteSigner};
 use videofields_vision::clock::{Clock, SystemClock};
 use videofields_vision::config::{self, Config};
 
@@ -62,6 +62,11 @@ pub(crate) fn audit_key(config: &Config) -> Option<SigningKey> {
         super::complain(&format!("warning: the audit log's entry is not signed: {error}"));
     })
     .ok()
+}
+
+/// Returns what a command signs with that key.
+pub(crate) fn signer<'a>(config: &'a Config, key: Option<&'a SigningKey>) -> Option<NoteSigner<'a>> {
+    key.map(|key| NoteSigner { key, head_file: &config.settings().storage.audit_head })
 }
 
 /// A path as whoever reads the audit log can find it.

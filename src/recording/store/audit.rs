@@ -2,7 +2,9 @@
 //! entries are removed for their age, the base ([`super::audit_base`]) keeps the digest that the next one builds on.
 
 use super::audit_base::{base, base_fault, removal_notice};
-use super::audit_seal::{AUDIT_CHANGED, Since, compare, notice, unsigned_notice};
+use super::audit_seal::{
+    AUDIT_CHANGED, NoteSigner, Since, begin_head, compare, newest_signature, notice, unsigned_notice,
+};
 use super::audit_verify::{self, SignatureCheck};
 use super::migrate::SCHEMA_VERSION;
 use super::open::open_to_add;
@@ -213,12 +215,29 @@ pub(super) fn as_digest(bytes: Vec<u8>, path: &Path) -> Result<[u8; 32], StoreEr
 pub async fn note_audit(
     path: &Path,
     entry: &AuditEntry,
-    key: Option<&SigningKey>,
+    signer: Option<NoteSigner<'_>>,
 ) -> Result<i64, StoreError> {
     let mut connection = open_to_add(path).await?;
-    let written = note_in(&mut connection, path, entry, key).await?;
+    let written = note_by(&mut connection, path, entry, (None, None, signer)).await?;
     connection.close().await.map_err(|error| StoreError::classify(error, path))?;
     Ok(written)
+}
+
+/// Adds an entry for a command; the first that is signed leaves the signed head, which the daemon then looks for.
+async fn note_by(
+    connection: &mut SqliteConnection,
+    path: &Path,
+    entry: &AuditEntry,
+    (known, own, signer): (Option<Head>, Option<&SigningKey>, Option<NoteSigner<'_>>),
+) -> Result<i64, StoreError> {
+    let is_first = signer.is_some() && newest_signature(connection, path).await?.is_none();
+    let written = append(connection, path, entry, (known, own.or(signer.map(|signer| signer.key)))).await?;
+    if let Some((NoteSigner { head_file, .. }, signature)) =
+        signer.zip(written.signature).filter(|_| is_first)
+    {
+        begin_head(head_file, written.head, signature);
+    }
+    Ok(written.head.number)
 }
 
 /// Adds an entry to what `connection` has open, signed with the key where there is one; its number.
@@ -251,10 +270,14 @@ impl Store {
     ///
     /// # Errors
     /// Errors of [`Store::append_audit`].
-    pub async fn note_audit(&self, entry: &AuditEntry, key: Option<&SigningKey>) -> Result<i64, StoreError> {
+    pub async fn note_audit(
+        &self,
+        entry: &AuditEntry,
+        signer: Option<NoteSigner<'_>>,
+    ) -> Result<i64, StoreError> {
         let mut connection = self.durable.acquire().await.map_err(|error| self.classify(error))?;
-        let with = (self.audit.head(), self.audit.key().or(key));
-        append(&mut connection, &self.path, entry, with).await.map(|written| written.head.number)
+        let with = (self.audit.head(), self.audit.key(), signer);
+        note_by(&mut connection, &self.path, entry, with).await
     }
 
     /// The first `limit` entries after number `after`.

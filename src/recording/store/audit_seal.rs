@@ -111,6 +111,27 @@ impl SignedHead {
     }
 }
 
+/// Key with which a command signs what it notes, and the file of the signed head.
+#[derive(Clone, Copy, Debug)]
+pub struct NoteSigner<'a> {
+    /// The key.
+    pub key: &'a SigningKey,
+    /// The file, which the first command that signs anything makes.
+    pub head_file: &'a Path,
+}
+
+/// Makes the file of the signed head where there is none; that it cannot is told, since the daemon will miss it.
+pub(super) fn begin_head(path: &Path, head: Head, signature: Signature) {
+    let written = match SignedHead::read(path) {
+        Ok(None) => SignedHead::of(head, signature).write(path),
+        Ok(Some(_)) | Err(_) => Ok(()),
+    };
+    if let Err(error) = written {
+        let path = path.display();
+        tracing::warn!(%path, %error, "the signed head of the audit log cannot be written: the daemon will say that it is gone");
+    }
+}
+
 /// With what the audit log is signed.
 #[derive(Debug)]
 pub struct AuditKeys {
@@ -350,7 +371,7 @@ pub(super) fn signature(key: Vec<u8>, bytes: Vec<u8>, path: &Path) -> Result<Sig
 }
 
 /// The newest signature with its entry's number.
-async fn newest_signature(
+pub(super) async fn newest_signature(
     connection: &mut SqliteConnection,
     path: &Path,
 ) -> Result<Option<(i64, Signature)>, StoreError> {

@@ -36,7 +36,8 @@ mod user;
 pub use activity::ActivityRecord;
 pub use audit::{AuditCheck, AuditEntry, AuditRecord, note_audit};
 pub use audit_seal::{
-    AUDIT_CHANGED, AUDIT_KEY, AUDIT_RESTORE, AUDIT_UNSIGNED, AuditKeys, AuditState, SignedHead, replaced,
+    AUDIT_CHANGED, AUDIT_KEY, AUDIT_RESTORE, AUDIT_UNSIGNED, AuditKeys, AuditState, NoteSigner, SignedHead,
+    replaced,
 };
 pub use audit_verify::SignatureCheck;
 pub use background::BackgroundRecord;

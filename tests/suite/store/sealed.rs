@@ -10,8 +10,8 @@ use tempfile::TempDir;
 use videofields_recording::signing::{PublicKey, SigningKey};
 use videofields_recording::store::restore::{self, Replace, Restoring};
 use videofields_recording::store::{
-    self, AUDIT_CHANGED, AUDIT_KEY, AUDIT_RESTORE, AUDIT_UNSIGNED, AuditEntry, AuditKeys, ReadOnly,
-    SignatureCheck, SignedHead, Store,
+    self, AUDIT_CHANGED, AUDIT_KEY, AUDIT_RESTORE, AUDIT_UNSIGNED, AuditEntry, AuditKeys, NoteSigner,
+    ReadOnly, SignatureCheck, SignedHead, Store,
 };
 
 /// Takes away what keeps programs from changing the log by mistake.
@@ -48,6 +48,10 @@ impl Site {
 
     fn key(&self, name: &str) -> SigningKey {
         SigningKey::read(&self.folder.path().join(name)).unwrap()
+    }
+
+    fn signer<'a>(&'a self, key: &'a SigningKey) -> NoteSigner<'a> {
+        NoteSigner { key, head_file: &self.head }
     }
 
     fn public(&self, name: &str) -> PublicKey {
@@ -192,7 +196,7 @@ async fn lines_that_are_added_without_the_key_are_told() {
     note(&store, "", 1).await;
     assert_eq!(last(&store, 2).await[0], (AUDIT_UNSIGNED.to_owned(), "entries 7 to 7".to_owned()));
     // A command that has the key is no stranger.
-    store::note_audit(&site.database, &entry("/cli"), Some(&site.key("one"))).await.unwrap();
+    store::note_audit(&site.database, &entry("/cli"), Some(site.signer(&site.key("one")))).await.unwrap();
     note(&store, "", 1).await;
     assert_eq!(last(&store, 2).await[0].1, "/cli");
     assert_eq!(store.audit_state().n_faults, 0);
@@ -295,7 +299,7 @@ async fn another_key_takes_over_by_the_one_before() {
     assert_eq!((found.fault, found.n_others, found.first_signed), (None, 4, Some(5)));
     // The old key, once it is replaced, signs nothing any more.
     let store = open(&site.database).await;
-    store.note_audit(&entry("/stolen"), Some(&site.key("one"))).await.unwrap();
+    store.note_audit(&entry("/stolen"), Some(site.signer(&site.key("one")))).await.unwrap();
     store.close().await.unwrap();
     let expected = "entry 8 is signed with a key that another took the place of with entry 4";
     assert_eq!(site.fault(&["one"]).await, expected);
@@ -568,5 +572,27 @@ async fn whoever_leaves_while_the_signed_head_is_written_makes_no_false_alarm() 
     assert_eq!(SignedHead::read(&site.head).unwrap(), state.signed);
     let store = site.start("one", None).await;
     assert_eq!(store.audit_state().fault, None);
+    store.close().await.unwrap();
+}
+
+#[tokio::test]
+async fn what_commands_sign_before_the_daemons_first_start_is_no_fault_and_its_head_is_looked_for() {
+    let site = Site::new();
+    open(&site.database).await.close().await.unwrap();
+    let key = site.key("one");
+    for target in ["/users/ann", "/users/ben"] {
+        store::note_audit(&site.database, &entry(target), Some(site.signer(&key))).await.unwrap();
+    }
+    let store = site.start("one", None).await;
+    assert_eq!(store.audit_state().fault, None);
+    store.close().await.unwrap();
+    let store = site.start("one", None).await;
+    assert_eq!(store.audit_state().n_faults, 0);
+    store.close().await.unwrap();
+    // A head that is removed is missed, also where a command has been there since.
+    std::fs::remove_file(&site.head).unwrap();
+    store::note_audit(&site.database, &entry("/users/cleo"), Some(site.signer(&key))).await.unwrap();
+    let store = site.start("one", None).await;
+    assert!(store.audit_state().fault.unwrap().starts_with("the signed head is gone"));
     store.close().await.unwrap();
 }
