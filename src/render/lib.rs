@@ -9,6 +9,7 @@ pub mod gpu;
 
 mod camera_data;
 mod coplanar;
+mod drawing;
 mod effects;
 mod error;
 mod field_mesh;
@@ -36,11 +37,12 @@ mod surface_fields;
 mod targets;
 mod texture_store;
 
+pub use drawing::{Drawing, Progress, Rendered, expected_pieces};
 pub use effects::{EffectFilter, Filtered};
 pub use error::RenderError;
 pub use found_hulls::{FoundHull, FoundHulls};
 pub use ready::MAX_READY_SCENES;
-pub use renderer::{Rendered, Renderer, view_limits};
+pub use renderer::{Renderer, view_limits};
 pub use surface_distances::{FoundDistances, SurfaceDistances};
 pub use surface_fields::{FieldsPicture, FoundFields, Reading, SurfaceFields};
 pub use texture_store::TextureUse;

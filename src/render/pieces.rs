@@ -23,29 +23,51 @@ pub(super) struct Room {
     pub pixel_bytes: u64,
     /// Pixels beside a piece that are drawn with it, on every side.
     pub margin_px: u32,
+    /// Most pixels of a piece itself, unless two rows have more.
+    pub most_pixels: u64,
 }
 
-/// The pieces of a part, in their order: none, with what is drawn beside it, needs more than there is room for, unless a single
-/// pixel does. Inner edges lie at even pixels, so that what devices compute in pairs of pixels is the same with and without them.
-pub(super) fn of(view: &View, room: Room) -> impl Iterator<Item = Piece> {
-    let Room { times, max_side_px, max_bytes, pixel_bytes, margin_px } = room;
-    let even = |most: u64, side: u32| match u32::try_from(most) {
-        Ok(most) if most < side => (most & !1).max(1),
-        _ => side,
-    };
-    let both = 2 * u64::from(margin_px);
-    let most = u64::from(max_side_px / times).saturating_sub(both);
-    let (width, height) = (view.width_px, view.height_px);
-    let n_columns = even(most, width);
-    let row_bytes = (u64::from(n_columns) + both) * u64::from(times).pow(2) * pixel_bytes;
-    let n_rows = even((max_bytes / row_bytes).saturating_sub(both).min(most), height);
-    let starts = move |side: u32, step: u32| (0..side).step_by(step as usize);
-    starts(height, n_rows).flat_map(move |top| {
-        starts(width, n_columns).map(move |left| Piece {
-            columns: left..width.min(left + n_columns),
-            rows: top..height.min(top + n_rows),
-        })
-    })
+/// How far a part has been drawn: in bands of rows from the top, each from left to right.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) struct Cursor {
+    left: u32,
+    top: u32,
+}
+
+impl Cursor {
+    /// Returns the next piece of a part and goes on behind it; none at the part's end. No piece, with what is drawn beside it, needs more
+    /// than there is room for, unless a single pixel does. Inner edges lie at even pixels, so that what devices compute in pairs of pixels
+    /// is the same with and without them. The division follows from the part and the room alone.
+    pub(super) fn next(&mut self, view: &View, room: Room) -> Option<Piece> {
+        let (width, height) = (view.width_px, view.height_px);
+        if self.top >= height || width == 0 {
+            return None;
+        }
+        let (n_columns, n_rows) = room.sides(width, height);
+        let (right, bottom) = (width.min(self.left + n_columns), height.min(self.top + n_rows));
+        let piece = Piece { columns: self.left..right, rows: self.top..bottom };
+        *self =
+            if right < width { Self { left: right, top: self.top } } else { Self { left: 0, top: bottom } };
+        Some(piece)
+    }
+}
+
+impl Room {
+    /// Returns most columns and rows of a piece of a part of that size.
+    fn sides(self, width: u32, height: u32) -> (u32, u32) {
+        let Self { times, max_side_px, max_bytes, pixel_bytes, margin_px, most_pixels } = self;
+        let even = |most: u64, side: u32| match u32::try_from(most) {
+            Ok(most) if most < side => (most & !1).max(1),
+            _ => side,
+        };
+        let both = 2 * u64::from(margin_px);
+        let most = u64::from(max_side_px / times).saturating_sub(both);
+        let n_columns = even(most, width);
+        let row_bytes = (u64::from(n_columns) + both) * u64::from(times).pow(2) * pixel_bytes;
+        let few = (most_pixels / u64::from(n_columns)).max(2);
+        let n_rows = even((max_bytes / row_bytes).saturating_sub(both).min(most).min(few), height);
+        (n_columns, n_rows)
+    }
 }
 
 #[cfg(test)]
@@ -58,14 +80,16 @@ mod tests {
 
     fn room(sampling: Sampling, max_side_px: u32, max_bytes: u64, margin_px: u32) -> Room {
         let pixel_bytes = TargetKey::pixel_bytes(sampling.samples);
-        Room { times: sampling.supersampling, max_side_px, max_bytes, pixel_bytes, margin_px }
+        let most_pixels = u64::MAX;
+        Room { times: sampling.supersampling, max_side_px, max_bytes, pixel_bytes, margin_px, most_pixels }
     }
 
     fn pieces(width: u32, height: u32, room: Room) -> Vec<Piece> {
         let pose = Pose::looking_at(DVec3::ZERO, DVec3::X).expect("a direction");
         let view =
             View { pose, frustum: Frustum::around_axis(1.0, 4, 4), width_px: width, height_px: height };
-        of(&view, room).collect()
+        let mut cursor = Cursor::default();
+        std::iter::from_fn(|| cursor.next(&view, room)).collect()
     }
 
     #[test]
@@ -102,5 +126,16 @@ mod tests {
             }
             assert!(covered.iter().all(|times| *times == 1), "{width} x {height}");
         }
+    }
+
+    #[test]
+    fn pieces_have_no_more_pixels_than_they_may_and_two_rows_at_least() {
+        let most = |most_pixels| Room { most_pixels, ..room(Sampling::ONCE, 64, 1 << 20, 0) };
+        let rows = |most_pixels| -> Vec<usize> {
+            pieces(33, 14, most(most_pixels)).iter().map(|piece| piece.rows.len()).collect()
+        };
+        assert_eq!(rows(33 * 5), [4, 4, 4, 2]);
+        assert_eq!(rows(33 * 14), [14]);
+        assert_eq!(rows(1), [2; 7]);
     }
 }

@@ -1,7 +1,7 @@
 //! The renderer: what is kept between frames, and the order of one frame.
 
 use super::camera_data::{FrameData, Reach, View as ViewData};
-use super::effects::{self, Around, EffectPasses};
+use super::effects::{Around, EffectPasses};
 use super::error::RenderError;
 use super::field_mesh::FieldMesh;
 use super::hull_meshes::HullMeshes;
@@ -12,66 +12,50 @@ use super::mesh::Mesh;
 use super::mesh_fields::{MeshFields, MeshLook};
 use super::owner_data::OwnerData;
 use super::passes::{
-    AveragePass, BillboardPass, CameraDepthPass, DepthMaps, DrawInto, ENLARGE_MARGIN_PX, EnlargePass,
-    FieldsPass, FieldsWanted, PointsPass, Recording, SkyPass, StaticScene, SurfacePass, YuvPass, see_through,
+    AveragePass, BillboardPass, CameraDepthPass, DepthMaps, DrawInto, EnlargePass, FieldsPass, FieldsWanted,
+    PointsPass, Recording, SkyPass, StaticScene, SurfacePass, YuvPass, see_through,
 };
 use super::passes::{BillboardInstance, PointInstance};
 use super::patches::{Batches, Patches};
-use super::pieces::{self, Piece, Room};
-use super::planned::{check_plan, clear_color, gains_of, sequences_bounds};
+use super::planned::{clear_color, gains_of};
 use super::prepare::{Stand, Uploads};
 use super::ready::ReadyScenes;
 use super::sequences::Sequences;
 use super::targets::{Place, TargetCache, TargetKey};
 use super::texture_store::{TextureStore, TextureUse};
-use crate::gpu::{Gpu, GpuError, PassTime, Readback, Timer};
+use crate::gpu::{Gpu, GpuError, Readback, Timer};
 use glam::DVec3;
 use std::sync::Arc;
 use videofields_picture::fuse::SceneState;
-use videofields_picture::plan::{self, FieldsForm, Part, Picture, Plan, View, ViewLimits, Viewer};
+use videofields_picture::plan::{FieldsForm, Plan, View, ViewLimits, Viewer};
 use videofields_picture::scene::Sky;
 use videofields_vision::config::RenderSettings;
 use videofields_vision::fields::MAX_VIEWS;
-use videofields_vision::frame::RgbImage;
 use videofields_vision::geometry::Camera;
 
 /// Levels of detail of backgrounds: ground far away is smaller than its texels, and would shimmer.
 const BACKGROUND_LEVELS: u32 = 5;
 /// Live frames are shown at about their own size.
 const FRAME_LEVELS: u32 = 1;
-/// Largest buffer for reading back that is kept between pictures, bytes.
-const MAX_KEPT_READBACK_BYTES: u64 = 64 << 20;
-
-/// Most bytes of targets that one piece of a picture is drawn on: larger pictures are drawn in bands.
-const MAX_PIECE_BYTES: u64 = 256 << 20;
 /// Most columns and rows of a picture: what its formats hold. What a device cannot hold is drawn in pieces.
 const MAX_SIDE_PX: u32 = 65_535;
 
-/// A finished picture.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Rendered {
-    /// The picture, of the view's size.
-    pub image: RgbImage,
-    /// Time that the device spent in each pass that ran; empty where it cannot tell.
-    pub timings: Vec<PassTime>,
-}
-
-/// Draws pictures, one after the other. Everything large is kept between frames; only what changed is uploaded.
+/// Draws pictures, one after the other, or piece by piece in turns. Everything large is kept between frames; only what changed is uploaded.
 #[derive(Debug)]
 pub struct Renderer {
     pub(super) gpu: Gpu,
-    max_pixels: u64,
-    timer: Timer,
-    readback: Readback,
+    pub(super) max_pixels: u64,
+    pub(super) timer: Timer,
+    pub(super) readback: Readback,
     pub(super) frame: FrameData,
-    targets: TargetCache,
+    pub(super) targets: TargetCache,
     pub(super) scenes: ReadyScenes,
     pub(super) batches: Batches,
     pub(super) backgrounds: ImageArray,
     pub(super) frames: ImageArray,
     pub(super) depth_maps: DepthMaps,
     pub(super) textures: TextureStore,
-    passes: Passes,
+    pub(super) passes: Passes,
     pub(super) billboards: Vec<BillboardInstance>,
     /// Owners of what moves in the cameras' pictures, for billboards.
     pub(super) owners: OwnerData,
@@ -79,19 +63,21 @@ pub struct Renderer {
     pub(super) slot_ends: Vec<u32>,
     pub(super) points: Vec<PointInstance>,
     pub(super) hulls: Hulls,
-    hull_meshes: HullMeshes,
-    mesh_fields: MeshFields,
+    pub(super) hull_meshes: HullMeshes,
+    pub(super) mesh_fields: MeshFields,
     pub(super) sequences: Sequences,
     /// Which of the frame's cameras one with a live frame is: the state's and the frame's.
     pub(super) entity_places: Vec<(usize, usize)>,
     /// Of the cameras of the mesh that hulls are drawn as, which of the frame's they are.
     pub(super) mesh_cameras: Vec<u32>,
-    effects: EffectPasses,
+    pub(super) effects: EffectPasses,
+    /// Number of what was made ready last.
+    pub(super) turn: u64,
 }
 
 /// Pipelines, each made when a plan first calls for it.
 #[derive(Debug, Default)]
-struct Passes {
+pub(super) struct Passes {
     yuv: Option<YuvPass>,
     camera_depth: Option<CameraDepthPass>,
     fields: Option<FieldsPass>,
@@ -99,40 +85,42 @@ struct Passes {
     sky: Option<SkyPass>,
     billboard: Option<BillboardPass>,
     points: Option<PointsPass>,
-    average: Option<AveragePass>,
-    enlarge: Option<EnlargePass>,
+    pub(super) average: Option<AveragePass>,
+    pub(super) enlarge: Option<EnlargePass>,
 }
 
 /// A piece of a picture that is being drawn.
-struct Shown<'a> {
+pub(super) struct Shown<'a> {
     /// As it is drawn: of fewer pixels, and with a margin, where it is enlarged.
-    view: View,
+    pub(super) view: View,
     /// Columns and rows of the piece itself, with what effects look at beside it.
-    size_px: (u32, u32),
-    around: Around,
-    mesh: &'a Mesh,
-    patches: &'a Patches,
-    fields: Option<&'a ShownFields>,
+    pub(super) size_px: (u32, u32),
+    pub(super) around: Around,
+    pub(super) mesh: &'a Mesh,
+    pub(super) patches: &'a Patches,
+    pub(super) fields: Option<&'a ShownFields>,
     /// Hulls as a mesh, where fields colour them.
-    hulls: Option<&'a LentMesh>,
+    pub(super) hulls: Option<&'a LentMesh>,
     /// What is drawn beside surfaces may lie within these bounds.
-    beyond: Option<[DVec3; 2]>,
+    pub(super) beyond: Option<[DVec3; 2]>,
     /// Who looks at all of the picture.
-    viewer: Viewer,
+    pub(super) viewer: Viewer,
     /// Whether it is the first of its picture: fields go on once a picture.
-    is_first: bool,
-    stand: Stand,
-    pictures: &'a Pictures,
+    pub(super) is_first: bool,
+    pub(super) stand: Stand,
+    pub(super) pictures: &'a Pictures,
 }
 
 /// The fine mesh of what stands still, and which cameras have a picture for it.
-struct ShownFields {
-    mesh: Arc<FieldMesh>,
+#[derive(Debug)]
+pub(super) struct ShownFields {
+    pub(super) mesh: Arc<FieldMesh>,
     /// By the field's views.
     is_shown: [bool; MAX_VIEWS],
 }
 
 /// What surfaces and sky are painted with, as it is bound.
+#[derive(Debug)]
 pub(super) struct Pictures {
     surfaces: Vec<wgpu::BindGroup>,
     sky: Option<wgpu::BindGroup>,
@@ -190,6 +178,7 @@ impl Renderer {
             entity_places: Vec::new(),
             mesh_cameras: Vec::new(),
             effects: EffectPasses::default(),
+            turn: 0,
             gpu,
         };
         renderer.gpu.check()?;
@@ -214,156 +203,8 @@ impl Renderer {
         view_limits(self.max_pixels)
     }
 
-    /// Draws `picture` of `state` as `plan` says, and waits for it.
-    ///
-    /// # Errors
-    /// As [`Self::render_while`].
-    pub fn render(
-        &mut self,
-        state: &SceneState,
-        picture: &Picture,
-        plan: &Plan,
-    ) -> Result<Rendered, RenderError> {
-        let drawn = self.render_while(state, picture, plan, &mut || true)?;
-        Ok(drawn.expect("what is wanted to its end is drawn to its end"))
-    }
-
-    /// Draws `picture` of `state` as `plan` says while it is `wanted`, which is asked before each of its pieces: `None` once
-    /// it is not.
-    ///
-    /// # Errors
-    /// A picture beyond [`Self::view_limits`], a plan that was made for another state, cameras' pictures too large for the
-    /// device, or what the device reports: after a loss ([`GpuError::is_lost`]) the renderer must be made anew,
-    /// after anything else it can go on.
-    pub fn render_while(
-        &mut self,
-        state: &SceneState,
-        picture: &Picture,
-        plan: &Plan,
-        wanted: &mut dyn FnMut() -> bool,
-    ) -> Result<Option<Rendered>, RenderError> {
-        picture.check(&self.view_limits()).map_err(RenderError::View)?;
-        check_plan(state, plan)?;
-        let rendered = self.draw(state, picture, plan, wanted);
-        if rendered.is_err() {
-            // Layers may be marked as filled that never were.
-            self.backgrounds.clear();
-            self.frames.clear();
-            self.depth_maps.clear();
-            self.textures.clear();
-            self.targets.clear();
-            self.mesh_fields.clear();
-            self.sequences.clear();
-        }
-        self.targets.trim();
-        self.readback.trim(MAX_KEPT_READBACK_BYTES);
-        self.hulls.trim(MAX_KEPT_READBACK_BYTES);
-        self.effects.trim(MAX_KEPT_READBACK_BYTES);
-        if let Some(average) = &mut self.passes.average {
-            average.trim(MAX_KEPT_READBACK_BYTES);
-        }
-        if let Some(enlarge) = &mut self.passes.enlarge {
-            enlarge.trim(MAX_KEPT_READBACK_BYTES);
-        }
-        rendered
-    }
-
-    fn draw(
-        &mut self,
-        state: &SceneState,
-        picture: &Picture,
-        plan: &Plan,
-        wanted: &mut dyn FnMut() -> bool,
-    ) -> Result<Option<Rendered>, RenderError> {
-        self.gpu.check()?;
-        let (mesh, patches) = self.scenes.of(state, self.depth_maps.side_px());
-        let pictures = self.pictures(&mesh, plan);
-        let fields = self.fields(state, plan);
-        let hulls = match plan.hull_fields {
-            FieldsForm::Off => None,
-            _ => self.hull_meshes.of(state, plan),
-        };
-        // What the device does not hold as a mesh is drawn as without fields.
-        let hulls = hulls.filter(|mesh| mesh.check(&self.gpu).is_ok());
-        let beyond = sequences_bounds(state, plan);
-        let limits = self.gpu.limits();
-        let max_side_px = limits.max_texture_dimension_2d;
-        let max_bytes = limits.max_buffer_size.min(MAX_PIECE_BYTES);
-        let row_bytes = picture.width_px as usize * 3;
-        let mut data = vec![0; row_bytes * picture.height_px as usize];
-        let mut timings: Vec<PassTime> = Vec::new();
-        let (mut prepared, mut is_first) = (None, true);
-        let step_px = plan.resolution.step_px();
-        let effect_bytes = if plan.effects.is_none() { 0 } else { effects::PIXEL_BYTES };
-        let pixel_bytes = TargetKey::pixel_bytes(plan.sampling.samples) + effect_bytes;
-        for part @ Part { view, left_px, top_px } in &picture.parts {
-            // Not between making ready and drawing: layers would be marked as filled that are not.
-            if !wanted() {
-                return Ok(None);
-            }
-            let stand = Stand::of(view, (&mesh, beyond));
-            let mut uploads = Uploads::default();
-            if prepared.replace(stand) != Some(stand) {
-                let fine = fields.as_ref().map(|fields| &*fields.mesh);
-                let is_meshed = hulls.is_some();
-                uploads = self.prepare(state, picture, (&stand, is_meshed), (plan, &patches, fine))?;
-                self.find_mesh_cameras(state, hulls.as_deref());
-            }
-            let margin_px = plan.effects.margin_px(view, step_px);
-            let most_reach = plan.effects.most_reach(view);
-            let anchor_px = plan::anchor_px(picture, part);
-            let times = plan.sampling.supersampling;
-            let room = Room { times, max_side_px, max_bytes, pixel_bytes, margin_px };
-            for (idx, Piece { columns, rows }) in pieces::of(view, room).enumerate() {
-                if idx > 0 && !wanted() {
-                    return Ok(None);
-                }
-                let (left, top) = ((left_px + columns.start) as usize, (top_px + rows.start) as usize);
-                let first = |anchor: i64, start: u32| anchor + i64::from(start) - i64::from(margin_px);
-                let around = Around {
-                    margin_px,
-                    most_reach,
-                    anchor_px: [first(anchor_px[0], columns.start), first(anchor_px[1], rows.start)],
-                };
-                let view = match margin_px {
-                    0 => view.cropped(columns, rows),
-                    margin_px => view.cropped(columns, rows).coarse(1, margin_px),
-                };
-                let size_px = (view.width_px, view.height_px);
-                let view = match step_px {
-                    1 => view,
-                    step_px => view.coarse(step_px, ENLARGE_MARGIN_PX),
-                };
-                let piece = Shown {
-                    view,
-                    size_px,
-                    around,
-                    mesh: &mesh,
-                    patches: &patches,
-                    fields: fields.as_ref(),
-                    hulls: hulls.as_deref(),
-                    beyond,
-                    viewer: picture.viewer,
-                    is_first: std::mem::take(&mut is_first),
-                    stand,
-                    pictures: &pictures,
-                };
-                self.submit(state, &piece, plan, &std::mem::take(&mut uploads))?;
-                self.readback.read_rgb(&self.gpu, &mut data[top * row_bytes + left * 3..], row_bytes)?;
-                for time in self.timer.read(&self.gpu)? {
-                    match timings.iter_mut().find(|sum| sum.pass == time.pass) {
-                        Some(sum) => sum.gpu += time.gpu,
-                        None => timings.push(time),
-                    }
-                }
-            }
-        }
-        let image = RgbImage { width: picture.width_px, height: picture.height_px, data };
-        Ok(Some(Rendered { image, timings }))
-    }
-
     /// The fine mesh of what stands still and who has a picture of it, where fields are planned.
-    fn fields(&mut self, state: &SceneState, plan: &Plan) -> Option<ShownFields> {
+    pub(super) fn fields(&mut self, state: &SceneState, plan: &Plan) -> Option<ShownFields> {
         if plan.fields == FieldsForm::Off {
             return None;
         }
@@ -379,7 +220,7 @@ impl Renderer {
     }
 
     /// Finds which of the frame's cameras those of a mesh are, which must have been made ready for it.
-    fn find_mesh_cameras(&mut self, state: &SceneState, mesh: Option<&LentMesh>) {
+    pub(super) fn find_mesh_cameras(&mut self, state: &SceneState, mesh: Option<&LentMesh>) {
         self.mesh_cameras.clear();
         let Some(mesh) = mesh else { return };
         let of = |camera: &Arc<Camera>| {
@@ -405,7 +246,7 @@ impl Renderer {
     }
 
     /// Hands the drawing of one piece of a picture to the device.
-    fn submit(
+    pub(super) fn submit(
         &mut self,
         state: &SceneState,
         piece: &Shown<'_>,

@@ -1,6 +1,6 @@
 //! What of a picture is timed by itself, and what each of these times depends on.
 
-use super::work::Feature;
+use super::work::{Feature, Work};
 
 /// What is timed by itself.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -90,6 +90,38 @@ pub(super) const STAGES: [StageForm; 8] = [
     ),
 ];
 
+/// What grows with the pixels of a picture.
+const OF_PIXELS: [Feature; 17] = [
+    F::Drawn,
+    F::Sampled,
+    F::Surface,
+    F::Nearest,
+    F::Bilinear,
+    F::Levels,
+    F::DepthTests,
+    F::Lenses,
+    F::Rectangles,
+    F::HullRays,
+    F::Later,
+    F::Resampled,
+    F::Finished,
+    F::Sky,
+    F::Relit,
+    F::Occluded,
+    F::Stippled,
+];
+
+impl Work {
+    /// Returns about what the pixels take two processors that rasterise, milliseconds, by the first guess: the same for the same picture and
+    /// settings, whatever was measured since and whatever the device has already.
+    #[must_use]
+    pub fn guessed_pixels_ms(&self) -> f64 {
+        let features = STAGES.iter().flat_map(|(_, features)| *features);
+        let of_pixels = features.filter(|(feature, _)| OF_PIXELS.contains(feature));
+        of_pixels.map(|(feature, guess_ms)| guess_ms * self.of(*feature)).sum()
+    }
+}
+
 /// How many stages there are.
 pub(super) const N_STAGES: usize = STAGES.len();
 
@@ -145,5 +177,24 @@ impl StageTimes {
     /// Whether all of them are times.
     pub(super) fn is_good(&self) -> bool {
         self.0.iter().all(|ms| ms.is_finite() && *ms >= 0.0)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn pixels_are_guessed_by_what_grows_with_them_alone() {
+        let mut work = Work::default();
+        for once in [F::One, F::Parts, F::Uploads, F::DepthMaps, F::SurfacePrograms, F::Silhouettes] {
+            work.set(once, 100.0);
+        }
+        assert_eq!(work.guessed_pixels_ms(), 0.0);
+        work.set(F::Drawn, 2.0);
+        // On surfaces, and on reading back.
+        assert_eq!(work.guessed_pixels_ms(), 2.0 * (2.0 + 0.5));
+        work.set(F::HullRays, 3.0);
+        assert_eq!(work.guessed_pixels_ms(), 5.0 + 600.0);
     }
 }

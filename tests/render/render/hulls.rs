@@ -7,8 +7,8 @@ use glam::{DMat2, DVec2, DVec3};
 use std::sync::Arc;
 use videofields_picture::fuse::{Billboard, Entity, HullMaking, HullMemory, SceneState, Velocity};
 use videofields_picture::plan::{
-    self, Colors, EntityStyle, HullForm, HullMethod, HullTexture, HullVisibility, HullWeights, Picture,
-    Sampling, Settings, View, Wishes,
+    self, Colors, EntityStyle, FieldsForm, HullForm, HullMethod, HullTexture, HullVisibility, HullWeights,
+    Picture, Sampling, Settings, View, Wishes,
 };
 use videofields_render::FoundHulls;
 use videofields_vision::frame::{ColorMatrix, ColorRange, Frame, Mask, RgbImage, YuvImage};
@@ -816,4 +816,26 @@ fn who_cannot_be_a_hull_is_a_billboard_and_the_plan_says_why() {
     assert!(
         plan.hulls.is_empty() && !plan.reasons.iter().any(|reason| reason.effect == "hull" && reason.is_on)
     );
+}
+
+#[test]
+fn hulls_that_other_pictures_interrupt_are_the_same_to_the_byte() {
+    let Some(mut brush) = renderer("", 4) else { return };
+    let state = peopled(&ring(5), &[DVec3::ZERO]);
+    let picture = Picture::from(view(v(2.0, -4.0, 1.7), v(0.0, 0.0, 0.9), 0.8, 160, 200));
+    let whole = brush.wishes(EntityStyle::Hulls);
+    let mut check = |settings: Settings| {
+        let plan = plan::make(&state, &picture, Wishes { settings, ..whole });
+        assert!(!plan.hulls.is_empty() || !plan.meshed_hulls.is_empty(), "{:?}", plan.reasons);
+        let n_pieces = super::views::check_interrupted(&mut brush, &state, (&picture, &plan));
+        assert_eq!(n_pieces, 3);
+    };
+    for method in
+        [HullMethod::Rays, HullMethod::Trimming, HullMethod::Csg, HullMethod::Hybrid, HullMethod::Voxels]
+    {
+        check(Settings { hull: HullForm { method, ..HullForm::EXACT }, ..whole.settings });
+    }
+    for fields in [FieldsForm::Normals, FieldsForm::Montage] {
+        check(Settings { fields, ..whole.settings });
+    }
 }

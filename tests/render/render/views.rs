@@ -6,7 +6,7 @@ use glam::DVec3;
 use std::f64::consts::TAU;
 use videofields_picture::fuse::SceneState;
 use videofields_picture::plan::{self, Colors, EntityStyle, Part, Picture, Plan, Sampling, Settings, Wishes};
-use videofields_render::View;
+use videofields_render::{Progress, View};
 use videofields_testing::golden::{self, TWIN};
 use videofields_vision::frame::{RgbImage, linear_from_srgb, srgb_from_linear};
 
@@ -277,4 +277,52 @@ fn a_picture_whose_parts_lie_beside_it_is_refused() {
         let picture = Picture { parts: vec![Part { view: good, left_px, top_px }], ..Picture::from(good) };
         assert!(brush.renderer.render(&state, &picture, &plan).is_err());
     }
+}
+
+#[test]
+fn a_picture_that_others_interrupt_is_the_same_to_the_byte() {
+    let state = plaza(DVec3::ZERO).with_person(v(-1.0, -3.0, 0.0)).state();
+    let Some(mut brush) = renderer("", 4) else { return };
+    let whole = Picture::from(view(v(-3.0, -16.0, 6.0), v(0.0, 0.0, 0.5), 0.9, 300, 200));
+    for style in [EntityStyle::Billboards, EntityStyle::Points] {
+        let plan = plan::make(&state, &whole, brush.wishes(style));
+        assert_eq!(check_interrupted(&mut brush, &state, (&whole, &plan)), 4, "{style:?}");
+    }
+    // Of several parts.
+    let ends = (v(-1.0, -4.0, 5.0), v(0.0, 6.0, 2.0));
+    let panorama = Picture::panorama(ends, TAU, 1.2, (320, 70), &LIMITS).expect("a panorama");
+    let plan = plan::make(&state, &panorama, brush.wishes(EntityStyle::Billboards));
+    assert_eq!(check_interrupted(&mut brush, &state, (&panorama, &plan)), panorama.parts.len());
+}
+
+/// Most pixels of the pieces in which pictures are drawn here.
+const MOST_PIXELS: u64 = 15_000;
+
+/// Draws a picture piece by piece, undisturbed and with other scenes' pictures between, which must change nothing; in how many pieces.
+pub(super) fn check_interrupted(
+    brush: &mut Brush,
+    state: &SceneState,
+    (picture, plan): (&Picture, &Plan),
+) -> usize {
+    let others = [plaza(v(1.0, 0.0, 0.0)), plaza(DVec3::ZERO).with_person(v(2.0, -5.0, 0.0))];
+    let others = others.map(|stage| stage.state());
+    let small = view(v(5.0, -14.0, 4.0), v(0.0, 0.0, 0.5), 0.7, 64, 48);
+    let mut images = Vec::new();
+    let mut n_pieces = 0;
+    for is_interrupted in [false, true] {
+        let mut drawing = brush.renderer.begin((state, plan), picture, MOST_PIXELS).expect("it is begun");
+        assert!(drawing.may_pause());
+        n_pieces = 1;
+        while brush.renderer.go_on(&mut drawing, (state, plan), picture).expect("a piece")
+            != Progress::Finished
+        {
+            if is_interrupted {
+                draw(brush, &others[n_pieces % others.len()], &small, EntityStyle::Billboards);
+            }
+            n_pieces += 1;
+        }
+        images.push(drawing.into_rendered().image);
+    }
+    assert!(images[0] == images[1], "other bytes");
+    n_pieces
 }
