@@ -4,6 +4,7 @@
 //! may ask. A route takes [`Asked`], whose door shows what the caller may see and nothing else.
 
 use super::Api;
+use super::address;
 use super::connection::Connection;
 use super::error::Problem;
 use axum::extract::{FromRequestParts, Request, State};
@@ -14,7 +15,7 @@ use axum::response::{IntoResponse, Response};
 use std::sync::Arc;
 use videofields_recording::accounts::{Accounts, Caller};
 use videofields_service::catalog::Changer;
-use videofields_service::engine::Handle;
+use videofields_service::engine::{Flow, Handle};
 use videofields_vision::access::{Grants, Role};
 use videofields_vision::error::ErrorKind;
 
@@ -150,13 +151,22 @@ impl FromRequestParts<Api> for Asked {
         let identity =
             identity.ok_or_else(|| Problem::new(ErrorKind::Internal, "nobody looked up who asks"))?;
         let connection = parts.extensions.get::<Connection>().cloned().unwrap_or_default();
-        Ok(Self(Api { connection, ..api.of(identity.clone()) }))
+        let mut asked = api.of(identity.clone());
+        if identity.caller.user.is_none() {
+            let from = address::of(connection.peer(), &parts.headers, &api.site.trusted_proxies);
+            // All programs of this machine have one.
+            let from = from.filter(|from| !from.is_loopback()).map(address::network_of);
+            asked.door = asked.door.in_turns_of(from.map_or(Flow::Common, Flow::Address));
+        }
+        Ok(Self(Api { connection, ..asked }))
     }
 }
 
 impl Api {
     fn of(&self, identity: Identity) -> Self {
-        let door = Handle::within(&self.whole, Arc::clone(&identity.caller.grants));
+        let user = identity.caller.user.as_deref();
+        let flow = user.map_or(Flow::Common, |user| Flow::User(user.into()));
+        let door = Handle::within(&self.whole, Arc::clone(&identity.caller.grants)).in_turns_of(flow);
         Self { door, identity, ..self.clone() }
     }
 

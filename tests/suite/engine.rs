@@ -10,6 +10,7 @@ mod costs;
 mod deadlines;
 mod entities;
 mod evidence;
+mod fair;
 mod feed;
 mod footage;
 mod frozen;
@@ -46,7 +47,8 @@ use videofields_picture::scene::{self, Scene};
 use videofields_recording::store::Store;
 use videofields_recording::telemetry::Metrics;
 use videofields_service::engine::{
-    At, CameraSummary, Door, Engine, EngineError, Handle, LocateMethod, ViewAnswer, ViewKind, ViewRequest,
+    At, CameraSummary, Door, Engine, EngineError, Flow, Handle, LocateMethod, ViewAnswer, ViewKind,
+    ViewRequest,
 };
 use videofields_testing::wait_for;
 use videofields_vision::clock::{Clock, SystemClock, Timestamp};
@@ -334,7 +336,7 @@ fn the_door_answers_what_was_seen_when_and_where() {
     let handle = bench.stop();
     assert_eq!(handle.observation("north", At::Live).unwrap().frame.number, live.frame.number);
     let (reply, _answer) = oneshot::channel();
-    let error = Door::view(&*handle, request("yard", At::Live), reply).unwrap_err();
+    let error = Door::view(&*handle, request("yard", At::Live), Flow::Common, reply).unwrap_err();
     assert_eq!(error.kind(), ErrorKind::Unavailable, "{error}");
 }
 
@@ -445,7 +447,12 @@ fn a_full_queue_is_busy_and_a_scene_without_cameras_is_drawn() {
     let mut n_busy = 0;
     for width_px in 20..40 {
         let (reply, answer) = oneshot::channel();
-        match Door::view(&*bench.handle, ViewRequest { width_px, ..request("yard", At::Live) }, reply) {
+        match Door::view(
+            &*bench.handle,
+            ViewRequest { width_px, ..request("yard", At::Live) },
+            Flow::Common,
+            reply,
+        ) {
             Ok(()) => answers.push(answer),
             Err(EngineError::Busy { waiting, retry_after }) => {
                 assert_eq!(waiting, 1);

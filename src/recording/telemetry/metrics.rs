@@ -61,6 +61,8 @@ pub struct Metrics {
     pub entities_lost: IntCounter,
     /// Seconds from taking a request off the queue to its finished picture.
     pub render_picture: Histogram,
+    /// Seconds of one turn of the renderer, which draws a picture or some pieces of one.
+    pub render_turn: Histogram,
     /// What a picture took, fusing to reading back, over what was expected.
     pub render_expected_ratio: Histogram,
     /// Seconds of one pass on the GPU. Labels: pass.
@@ -237,6 +239,12 @@ impl Metrics {
                 r,
                 "render_picture_seconds",
                 "Time from taking a request off the queue to its finished picture.",
+                &REQUEST_SECONDS,
+            ),
+            render_turn: histogram(
+                r,
+                "render_turn_seconds",
+                "Time of one turn of the renderer, a picture or some pieces of one: what another user's small picture waits for.",
                 &REQUEST_SECONDS,
             ),
             render_expected_ratio: histogram(
@@ -494,7 +502,7 @@ fn views_refused(registry: &Registry) -> IntCounterVec {
     let refused = counters(
         registry,
         "render_refused_total",
-        "Views refused, by reason: queue_full, late, no_renderer.",
+        "Views refused, by reason: queue_full, queue_bytes, user_share, user_bytes, late, no_renderer, deadline.",
         &["reason"],
     );
     for reason in ViewRefusal::ALL {

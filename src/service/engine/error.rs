@@ -108,6 +108,14 @@ pub enum EngineError {
         /// About how long they take.
         retry_after: Duration,
     },
+    /// Too many pictures of one user wait already.
+    #[error("{waiting} pictures of this user wait for the renderer already, which is their share")]
+    OverShare {
+        /// Pictures of that user in the queue.
+        waiting: usize,
+        /// About how long they take.
+        retry_after: Duration,
+    },
     /// A picture was waited for as long as is allowed.
     #[error("no picture within {:.1} s: it {}", waited.as_secs_f64(), stage.as_str())]
     Late {
@@ -177,6 +185,7 @@ impl EngineError {
             Self::TooLarge(_) => ErrorKind::TooLarge,
             Self::NoFrame { .. }
             | Self::Busy { .. }
+            | Self::OverShare { .. }
             | Self::Late { .. }
             | Self::Crowded { .. }
             | Self::NoRenderer { .. }
@@ -192,6 +201,7 @@ impl EngineError {
     pub const fn retry_after(&self) -> Option<Duration> {
         match self {
             Self::Busy { retry_after, .. }
+            | Self::OverShare { retry_after, .. }
             | Self::Late { retry_after, .. }
             | Self::Crowded { retry_after, .. }
             | Self::NoRenderer { retry_after, .. } => Some(*retry_after),

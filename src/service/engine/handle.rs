@@ -1,5 +1,6 @@
 //! The engine's door: every question that a caller may ask of the running daemon.
 
+use super::flow::Flow;
 use super::{
     AccuracyStatus, BlurAsked, CameraBlur, EngineError, EntityQuery, FoundCameras, FoundEntities,
     FoundSources, FoundTracks, MapSummary, PlannedView, PlayheadState, Present, Privacy, PrivacySummary,
@@ -485,14 +486,15 @@ pub trait Door: Send + Sync {
     /// [`EngineError::Forbidden`], [`EngineError::NoScene`].
     fn remove_scene(&self, id: &str) -> Result<(), EngineError>;
 
-    /// Asks for a picture; the answer comes through `reply`. Requests with equal answers share one picture.
+    /// Asks for a picture on behalf of `flow`; the answer comes through `reply`. Requests with equal answers share one picture.
     ///
     /// # Errors
-    /// At once: [`EngineError::Busy`], [`EngineError::Unavailable`]; all else comes through `reply`, within
+    /// At once: [`EngineError::Busy`], [`EngineError::OverShare`], [`EngineError::Unavailable`]; all else comes through `reply`, within
     /// `render.timeout_secs` whatever happens.
     fn view(
         &self,
         request: ViewRequest,
+        flow: Flow,
         reply: oneshot::Sender<Result<ViewAnswer, EngineError>>,
     ) -> Result<(), EngineError>;
 
@@ -678,19 +680,35 @@ pub trait Door: Send + Sync {
 
 /// The door to the running daemon. Cheap to clone.
 #[derive(Clone)]
-pub struct Handle(Arc<dyn Door>);
+pub struct Handle {
+    door: Arc<dyn Door>,
+    /// Whose pictures are asked for.
+    flow: Flow,
+}
 
 impl Handle {
     /// A handle to `door`: the engine, or a test's stand-in.
     #[must_use]
     pub fn new(door: Arc<dyn Door>) -> Self {
-        Self(door)
+        Self { door, flow: Flow::Common }
+    }
+
+    /// Returns a handle whose pictures are drawn in the turns of `flow`.
+    #[must_use]
+    pub fn in_turns_of(self, flow: Flow) -> Self {
+        Self { flow, ..self }
+    }
+
+    /// Returns in whose turns its pictures are drawn.
+    #[must_use]
+    pub const fn flow(&self) -> &Flow {
+        &self.flow
     }
 
     /// The same for a caller with `grants`: [`Door::within`].
     #[must_use]
     pub fn within(&self, grants: Arc<Grants>) -> Self {
-        Self(Arc::clone(&self.0).within(grants))
+        Self { door: Arc::clone(&self.door).within(grants), flow: self.flow.clone() }
     }
 
     /// A picture of a scene.
@@ -699,7 +717,7 @@ impl Handle {
     /// As [`Door::view`], and whatever planning or rendering met.
     pub async fn view(&self, request: ViewRequest) -> Result<ViewAnswer, EngineError> {
         let (reply, answer) = oneshot::channel();
-        self.0.view(request, reply)?;
+        self.door.view(request, self.flow.clone(), reply)?;
         let gone =
             |_dropped: oneshot::error::RecvError| EngineError::Unavailable("the renderer stopped".to_owned());
         answer.await.map_err(gone)?
@@ -710,6 +728,6 @@ impl std::ops::Deref for Handle {
     type Target = dyn Door;
 
     fn deref(&self) -> &Self::Target {
-        &*self.0
+        &*self.door
     }
 }

@@ -12,6 +12,7 @@ mod chronicle;
 mod entities;
 mod error;
 mod exports;
+mod flow;
 mod footage;
 mod forecaster;
 mod frame_cache;
@@ -58,6 +59,7 @@ pub use chronicle::{CameraTimeline, SceneTimeline};
 pub use entities::{EntityCursor, EntityQuery, FoundEntities, FoundEntity, FoundStand};
 pub use error::{EngineError, LateStage};
 pub use exports::ExportAsked;
+pub use flow::Flow;
 pub use forecaster::Expected;
 pub use handle::{
     At, CameraSummary, DecodingSummary, DeviceSummary, Door, Handle, LocateMethod, Located, Preview,

@@ -10,6 +10,7 @@ use super::alignment::SceneAlignment;
 use super::blurring::{BlurAsked, CameraBlur};
 use super::chronicle::SceneTimeline;
 use super::entities::{EntityQuery, FoundEntities};
+use super::flow::Flow;
 use super::handle::{
     At, CameraSummary, DeviceSummary, Door, LocateMethod, Located, Preview, Readiness, SceneSummary,
 };
@@ -411,11 +412,12 @@ impl Door for Permitted {
     fn view(
         &self,
         request: ViewRequest,
+        flow: Flow,
         reply: oneshot::Sender<Result<ViewAnswer, EngineError>>,
     ) -> Result<(), EngineError> {
         let scope = self.seeing(request.at);
         self.scene_with(&request.scene, &scope, "that time")?;
-        self.shared.view(ViewRequest { scope, ..request }, reply)
+        self.shared.view(ViewRequest { scope, ..request }, flow, reply)
     }
 
     fn identity(&self, request: &ViewRequest) -> Result<ViewIdentity, EngineError> {

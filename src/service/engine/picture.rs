@@ -15,7 +15,7 @@ use videofields_picture::plan::{
     ViewLimits, ViewSession, Wishes,
 };
 use videofields_picture::scene::{Scene, SceneView};
-use videofields_render::{RenderError, Renderer};
+use videofields_render::{Drawing, Progress, RenderError, Renderer};
 use videofields_vision::clock::{Clock, Timestamp};
 use videofields_vision::error::Fault;
 use videofields_vision::frame::{CameraId, Mask, YuvImage};
@@ -209,20 +209,109 @@ impl Subject {
     /// Draws what was decided; how long that `took`, fusing and planning, is told with what drawing takes. Nothing comes of it once it is not `wanted` any more.
     pub(super) fn paint(
         &self,
-        Decided { state, plan, decision }: Decided,
+        decided: Decided,
         took: [Duration; 2],
         renderer: &mut Renderer,
         (clock, forecaster): (&dyn Clock, &Forecaster),
         wanted: &mut dyn FnMut() -> bool,
     ) -> Result<Option<ViewAnswer>, RenderError> {
+        Painting::new(decided, took).paint(self, renderer, (clock, forecaster), wanted)
+    }
+}
+
+/// What a piece of a picture takes at most by the first guess of costs, milliseconds: what others wait for.
+const PIECE_MS: f64 = 150.0;
+
+/// How much faster than two processors any other device is taken to be.
+const DEVICE_SPEED: f64 = 16.0;
+
+/// Least pixels of a piece: of fewer, what every piece takes would count.
+const LEAST_PIECE_PX: u64 = 1 << 16;
+
+/// Most pixels of a piece of a picture. By the plan alone and not by what was measured, so that the same picture has the same bytes.
+fn most_pixels(decided: &Decided, picture: &Picture, renderer: &Renderer) -> u64 {
+    let speed = if renderer.gpu().is_software() { 1.0 } else { DEVICE_SPEED };
+    let n_pieces = decided.decision.task.work.guessed_pixels_ms() / (speed * PIECE_MS);
+    let n_pixels = f64::from(picture.width_px) * f64::from(picture.height_px);
+    ((n_pixels / n_pieces.max(1.0)) as u64).max(LEAST_PIECE_PX)
+}
+
+/// A picture that was decided on, as far as it is drawn.
+pub(super) struct Painting {
+    decided: Decided,
+    /// What fusing and planning took.
+    took: [Duration; 2],
+    preparing: Duration,
+    drawing: Duration,
+    /// None before its first piece, and after a failure.
+    drawn: Option<Drawing>,
+}
+
+impl Painting {
+    /// What was decided, of which nothing is drawn; fusing and planning it `took` so long.
+    pub(super) const fn new(decided: Decided, took: [Duration; 2]) -> Self {
+        Self { decided, took, preparing: Duration::ZERO, drawing: Duration::ZERO, drawn: None }
+    }
+
+    /// Draws all of it. Nothing comes of it once it is not `wanted` any more.
+    pub(super) fn paint(
+        mut self,
+        subject: &Subject,
+        renderer: &mut Renderer,
+        (clock, forecaster): (&dyn Clock, &Forecaster),
+        wanted: &mut dyn FnMut() -> bool,
+    ) -> Result<Option<ViewAnswer>, RenderError> {
+        loop {
+            if !wanted() {
+                return Ok(None);
+            }
+            if self.go_on(subject, renderer, clock)? == Progress::Finished {
+                return Ok(self.finish(subject, forecaster));
+            }
+        }
+    }
+
+    /// Draws the next piece. After a failure it begins anew.
+    pub(super) fn go_on(
+        &mut self,
+        subject: &Subject,
+        renderer: &mut Renderer,
+        clock: &dyn Clock,
+    ) -> Result<Progress, RenderError> {
+        let Decided { state, plan, .. } = &self.decided;
         let started = clock.monotonic();
-        renderer.make_ready(&state, &plan)?;
-        let ready = clock.monotonic();
-        let Some(rendered) = renderer.render_while(&state, &self.picture, &plan, wanted)? else {
-            return Ok(None);
+        let mut drawn = match self.drawn.take() {
+            Some(drawn) => drawn,
+            None => {
+                self.drawing = Duration::ZERO;
+                renderer.make_ready(state, plan)?;
+                self.preparing = clock.monotonic().saturating_sub(started);
+                let most_pixels = most_pixels(&self.decided, &subject.picture, renderer);
+                renderer.begin((state, plan), &subject.picture, most_pixels)?
+            }
         };
-        let finished = clock.monotonic();
-        let [preparing, drawing] = [ready.saturating_sub(started), finished.saturating_sub(ready)];
+        let ready = clock.monotonic();
+        let progress = renderer.go_on(&mut drawn, (state, plan), &subject.picture)?;
+        self.drawing += clock.monotonic().saturating_sub(ready);
+        self.drawn = Some(drawn);
+        Ok(progress)
+    }
+
+    /// Whether others may be drawn before its next piece.
+    pub(super) fn may_pause(&self) -> bool {
+        self.drawn.as_ref().is_some_and(Drawing::may_pause)
+    }
+
+    /// What of the drawing is left by what was expected.
+    pub(super) fn left(&self) -> Duration {
+        let upper_ms = self.decided.decision.expected.forecast.upper_drawing_ms();
+        Duration::try_from_secs_f64(upper_ms * 1e-3).unwrap_or_default().saturating_sub(self.drawing)
+    }
+
+    /// The answer, once all of it is drawn; none before. What it took is learned from.
+    pub(super) fn finish(self, subject: &Subject, forecaster: &Forecaster) -> Option<ViewAnswer> {
+        let Self { decided: Decided { plan, decision, .. }, took, preparing, drawing, drawn } = self;
+        let rendered = drawn?.into_rendered();
         let ms = |time: Duration| time.as_secs_f64() * 1e3;
         let passes = rendered.timings.iter().map(|pass| (pass.pass, ms(pass.gpu)));
         let before = ms(took[0].saturating_add(took[1]));
@@ -233,22 +322,22 @@ impl Subject {
             (HOST_STAGES[2], preparing.saturating_add(drawing)),
         ];
         timings.extend(rendered.timings.iter().map(|pass| (pass.pass, pass.gpu)));
-        Ok(Some(ViewAnswer {
+        Some(ViewAnswer {
             image: Arc::new(rendered.image),
-            instant: self.instant,
-            kind: self.kind,
-            view: self.from,
-            sources: self.sources.clone(),
-            frames: self.seen.iter().map(|(frame, ..)| frame.clone()).collect(),
-            gaps: self.gaps.clone(),
-            blurs: self.blurs.clone(),
+            instant: subject.instant,
+            kind: subject.kind,
+            view: subject.from,
+            sources: subject.sources.clone(),
+            frames: subject.seen.iter().map(|(frame, ..)| frame.clone()).collect(),
+            gaps: subject.gaps.clone(),
+            blurs: subject.blurs.clone(),
             settings: decision.settings,
             expected: Some(decision.expected),
             plan: Arc::new(plan),
             timings,
             origin: Origin::Drawn,
             identity: None,
-        }))
+        })
     }
 }
 

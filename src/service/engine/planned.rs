@@ -2,6 +2,7 @@
 
 use super::EngineError;
 use super::associations::Remembered;
+use super::flow::Flow;
 use super::forecaster::{Expected, usual_pending};
 use super::handle::surface_name;
 use super::picture::{Decided, Subject, none_fits};
@@ -90,7 +91,8 @@ impl Shared {
             subject.state(&observations, (&mut own, &mut Remembered::default()), (&self.overlaps, sequences))
         };
         let deadline = subject.deadline.map(|(deadline, _)| deadline);
-        let waits = self.queue.retry_after();
+        // As for somebody who has nothing else waiting.
+        let waits = self.queue.retry_after(&Flow::Common);
         let left = || {
             let drawing = deadline.map_or(Duration::MAX, |of| of.total.saturating_sub(of.reserve));
             drawing.saturating_sub(waits)

@@ -1,5 +1,5 @@
-//! The render thread: owns the GPU, takes one picture after the other off the queue, and answers everything that means the
-//! same with it.
+//! The render thread: owns the GPU, draws a picture or some pieces of one in each turn that the queue gives, and answers everything that
+//! means the same with it.
 //!
 //! A device that is lost is made anew, and the picture in hand drawn once more; a panic costs its own picture alone.
 
@@ -8,16 +8,17 @@ mod warm_up;
 
 use super::EngineError;
 use super::associations::{Associations, Remembered};
+use super::flow::Flow;
 use super::frame_cache::FrameCache;
 use super::handle::DeviceSummary;
 use super::identity::ViewIdentity;
 use super::pace::Backoff;
-use super::picture::{HOST_STAGES, Subject, failure_of, none_fits};
-use super::queue::Next;
+use super::picture::{HOST_STAGES, Painting, Subject, failure_of, none_fits};
+use super::queue::{Job, JobId, Next};
 use super::resolve::{Resolved, Seen};
 use super::sessions::Sessions;
 use super::shared::Shared;
-use super::view::{Origin, ViewAnswer, ViewRequest};
+use super::view::{Origin, ViewAnswer};
 use sharing::same_as;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
@@ -26,7 +27,7 @@ use videofields_picture::fuse::SceneState;
 use videofields_picture::plan::{Plan, ViewSession};
 use videofields_recording::telemetry::ViewRefusal;
 use videofields_render::gpu::{Gpu, GpuError};
-use videofields_render::{RenderError, Renderer};
+use videofields_render::{Progress, RenderError, Renderer, expected_pieces};
 use videofields_vision::error::ErrorKind;
 use warm_up::WarmUp;
 
@@ -35,6 +36,9 @@ const IDLE_TIME: Duration = Duration::from_secs(5);
 
 /// Times that a picture is drawn anew because privacy zones were changed meanwhile.
 const MAX_DRAWN_ANEW: u32 = 3;
+
+/// Least time of a turn: pieces that take less are drawn one after the other.
+const LEAST_TURN: Duration = Duration::from_millis(20);
 
 /// Time between two looks at where recordings begin; retention and new recordings move that slowly.
 const LOOK_INTERVAL: Duration = Duration::from_secs(5);
@@ -66,11 +70,16 @@ pub(super) fn run(shared: &Shared) {
                 tracing::error!(%error, "recordings could not be looked after");
             }
         }
-        match shared.queue.next(thread.longest_wait()) {
-            Next::Picture(request, asked_at) => thread.serve(&request, asked_at),
+        let next = shared.queue.next(thread.longest_wait());
+        // Whoever waited may have left.
+        thread.paused.retain(|paused| shared.queue.is_wanted(paused.job.id));
+        match next {
+            Next::Picture(job) => thread.serve(*job),
+            Next::GoOn(job) => thread.go_on(job),
             Next::Nothing => thread.make_scenes_ready(),
             Next::End => break,
         }
+        shared.queue.end_turn();
     }
 }
 
@@ -80,6 +89,10 @@ struct RenderThread<'a> {
     backoff: Backoff,
     was_opened: bool,
     cache: FrameCache,
+    /// Pictures of which pieces are drawn.
+    paused: Vec<Paused>,
+    /// Turns so far.
+    n_turns: u64,
     sessions: Sessions,
     /// Who is who in each scene, and how its cameras' colours agree.
     associations: Associations,
@@ -90,8 +103,60 @@ struct RenderThread<'a> {
     privacy_changes: u64,
 }
 
-/// A picture, and what it is of.
-type Drawn = (Arc<Subject>, ViewAnswer);
+/// What a picture in hand turned out to mean, and what the answer tells beside it.
+struct Begun {
+    subject: Arc<Subject>,
+    resolving: Duration,
+    started: Duration,
+    /// How often privacy zones had been changed when it was begun.
+    privacy_changes: u64,
+    /// How often it was begun.
+    n_begun: u32,
+}
+
+impl Begun {
+    /// The answer by a picture that is kept.
+    fn kept(self, kept: ViewAnswer) -> Step {
+        let answer = ViewAnswer { timings: vec![("resolve", self.resolving)], origin: Origin::Kept, ..kept };
+        Step::Drawn(self, answer)
+    }
+}
+
+/// A picture of which pieces are drawn, between two of its turns.
+struct Paused {
+    job: Job,
+    of: Begun,
+    painting: Painting,
+    /// What deciding and drawing it took so far.
+    spent: Duration,
+    n_turns: u32,
+    /// Which turn of all was its last one, and when that ended.
+    last_turn: (u64, Duration),
+    /// What others took between its turns.
+    between: Duration,
+    /// Whether a device failed under it before.
+    was_failed: bool,
+}
+
+/// What a turn came to.
+enum Step {
+    /// A picture.
+    Drawn(Begun, ViewAnswer),
+    /// Others may have a turn.
+    Paused(Box<Paused>),
+    /// It is the same as one that is paused.
+    Joined(JobId),
+    /// Nobody waits for it any more.
+    GivenUp,
+}
+
+/// What was decided to be shown.
+enum Choice {
+    /// A picture that was drawn before.
+    Kept(Box<ViewAnswer>),
+    /// One that is to be drawn.
+    New(Box<Painting>),
+}
 
 /// Why there is no picture, before it is told to anybody.
 enum Failure {
@@ -120,6 +185,8 @@ impl<'a> RenderThread<'a> {
             backoff: Backoff::default(),
             was_opened: false,
             cache,
+            paused: Vec::new(),
+            n_turns: 0,
             sessions: Sessions::default(),
             associations: Associations::default(),
             warm_up: WarmUp::default(),
@@ -152,105 +219,196 @@ impl<'a> RenderThread<'a> {
         })
     }
 
-    /// Answers the picture in hand, and all that turn out to be the same.
-    fn serve(&mut self, request: &ViewRequest, asked_at: Duration) {
+    /// Gives a picture that was asked for its first turn.
+    fn serve(&mut self, job: Job) {
+        self.n_turns += 1;
         self.forget_changed_scenes();
         self.forget_hidden();
-        let queue = &self.shared.queue;
-        let (subject, answer) = match self.contained(|thread| thread.answer_unhidden(request, asked_at)) {
-            Ok(Some((subject, answer))) => {
-                let identity = Some(Arc::new(ViewIdentity::of(&subject)));
-                (subject, ViewAnswer { identity, ..answer })
-            }
-            Ok(None) => return tracing::debug!("a picture was given up: nobody waits for it"),
-            Err(error) => return queue.finish(&Err(error)),
+        let taken = self.contained(|thread| thread.begin(job.clone()));
+        self.conclude(job, taken);
+    }
+
+    /// Gives a picture that is paused its next turn.
+    fn go_on(&mut self, job: JobId) {
+        let Some(place) = self.paused.iter().position(|paused| paused.job.id == job) else {
+            let lost = EngineError::Internal("a picture that is being drawn was lost".to_owned());
+            return self.shared.queue.finish(job, &Err(lost));
         };
-        // What came meanwhile may be the same too: it need not wait for what is before it.
-        let meanwhile = queue.waiting();
-        queue.finish(&Ok(answer.clone()));
-        let same = self.contained(|thread| Ok(same_as(thread.shared, (request, &subject), None, meanwhile)));
-        let same = same.unwrap_or_default();
-        if !same.is_empty() {
-            queue.take_along(&same);
-            let origin = if answer.origin == Origin::Drawn { Origin::Shared } else { answer.origin };
-            queue.finish(&Ok(ViewAnswer { timings: Vec::new(), origin, ..answer }));
+        let mut paused = self.paused.swap_remove(place);
+        self.n_turns += 1;
+        let (last, ended_at) = paused.last_turn;
+        if self.n_turns > last + 1 {
+            paused.between += self.shared.clock.monotonic().saturating_sub(ended_at);
+        }
+        let job = paused.job.clone();
+        let taken = self.contained(|thread| thread.take_turn(paused));
+        self.conclude(job, taken);
+    }
+
+    /// Does what a turn came to.
+    fn conclude(&mut self, job: Job, taken: Result<Step, EngineError>) {
+        let queue = &self.shared.queue;
+        match taken {
+            Ok(Step::Drawn(of, answer)) => self.answer(&job, &of, answer),
+            Ok(Step::Paused(paused)) => {
+                queue.pause(job.id, paused.painting.left());
+                self.paused.push(*paused);
+            }
+            Ok(Step::Joined(other)) => queue.join(job.id, other),
+            Ok(Step::GivenUp) => tracing::debug!("a picture was given up: nobody waits for it"),
+            Err(error) => queue.finish(job.id, &Err(error)),
         }
     }
 
-    /// As [`Self::answer`], and never a picture that was begun before something that it shows was hidden.
-    fn answer_unhidden(
-        &mut self,
-        request: &ViewRequest,
-        asked_at: Duration,
-    ) -> Result<Option<Drawn>, EngineError> {
-        for _ in 0..MAX_DRAWN_ANEW {
-            let changes = self.shared.privacies.changes();
-            let answered = self.answer(request, asked_at)?;
-            if self.shared.privacies.changes() == changes {
-                return Ok(answered);
+    /// Answers a picture in hand, and all that turn out to be the same; never with one that was begun before something that it shows was
+    /// hidden.
+    fn answer(&mut self, job: &Job, of: &Begun, answer: ViewAnswer) {
+        let queue = &self.shared.queue;
+        if self.shared.privacies.changes() != of.privacy_changes {
+            if of.n_begun >= MAX_DRAWN_ANEW {
+                let changing = EngineError::Unavailable("privacy zones are being changed".to_owned());
+                return queue.finish(job.id, &Err(changing));
             }
             self.forget_hidden();
+            let n_begun = of.n_begun;
+            let taken = self.contained(|thread| thread.begin_anew(job.clone(), n_begun));
+            return self.conclude(job.clone(), taken);
         }
-        Err(EngineError::Unavailable("privacy zones are being changed".to_owned()))
+        let subject = &of.subject;
+        let answer = ViewAnswer { identity: Some(Arc::new(ViewIdentity::of(subject))), ..answer };
+        // What came meanwhile may be the same too: it need not wait for what is before it.
+        let meanwhile = queue.waiting();
+        queue.finish(job.id, &Ok(answer.clone()));
+        let same =
+            self.contained(|thread| Ok(same_as(thread.shared, (&job.request, subject), None, meanwhile)));
+        let same = same.unwrap_or_default();
+        if !same.is_empty() {
+            queue.take_along(job.id, &same);
+            let origin = if answer.origin == Origin::Drawn { Origin::Shared } else { answer.origin };
+            queue.finish(job.id, &Ok(ViewAnswer { timings: Vec::new(), origin, ..answer }));
+        }
     }
 
-    /// The picture that `request` means now, which was first asked for at `asked_at`; none once nobody waits for it.
-    fn answer(&mut self, request: &ViewRequest, asked_at: Duration) -> Result<Option<Drawn>, EngineError> {
+    fn begin(&mut self, job: Job) -> Result<Step, EngineError> {
+        self.begin_anew(job, 0)
+    }
+
+    /// Finds out what `job` means now, and decides and begins to draw that where it is not kept; it was begun `n_before` times.
+    fn begin_anew(&mut self, job: Job, n_before: u32) -> Result<Step, EngineError> {
         let (shared, clock) = (self.shared, &*self.shared.clock);
+        let privacy_changes = shared.privacies.changes();
         let started = clock.monotonic();
-        let Resolved { subject, seen } = shared.resolve(request)?;
+        let Resolved { subject, seen } = shared.resolve(&job.request)?;
         let resolved = clock.monotonic();
-        let resolving = ("resolve", resolved.saturating_sub(started));
-        let same = same_as(shared, (request, &subject), Some(&seen), shared.queue.waiting());
-        shared.queue.take_along(&same);
-        if let Some(kept) = self.cache.get(&subject) {
-            return Ok(Some((
-                subject,
-                ViewAnswer { timings: vec![resolving], origin: Origin::Kept, ..kept },
-            )));
+        let resolving = resolved.saturating_sub(started);
+        let same = same_as(shared, (&job.request, &subject), Some(&seen), shared.queue.waiting());
+        shared.queue.take_along(job.id, &same);
+        if let Some(other) = self.paused.iter().find(|paused| paused.of.subject == subject) {
+            return Ok(Step::Joined(other.job.id));
+        }
+        let n_begun = n_before + 1;
+        let of = Begun { subject, resolving, started, privacy_changes, n_begun };
+        if let Some(kept) = self.cache.get(&of.subject) {
+            return Ok(of.kept(kept));
         }
         shared.metrics.render_cache_misses.inc();
         // A panic on the way costs what is known of gains and hulls, and no more.
         let mut associations = std::mem::take(&mut self.associations);
+        let subject = &of.subject;
         let remembered = associations.of(&subject.scene);
         let mut session = subject.session.as_deref().map(|name| self.sessions.take(&subject.scene, name));
         shared.refresh_forecaster();
-        let drawn = self.twice_at_most(|thread| {
+        let decided = self.twice_at_most(job.id, |thread| {
             thread.ensure_renderer()?;
-            let mut wanted = || shared.queue.is_wanted();
-            thread.drawn(&subject, &seen, (&mut *remembered, session.as_mut()), asked_at, &mut wanted)
+            let decided = thread.decided(subject, &seen, (&mut *remembered, session.as_mut()), &job)?;
+            Ok(Some(decided))
         });
         self.associations = associations;
         if let Some((name, session)) = subject.session.as_deref().zip(session) {
             self.sessions.put(&subject.scene, name, session);
         }
-        let drawn = drawn?;
-        let Some(mut answer) = drawn else { return Ok(None) };
-        if answer.origin == Origin::Kept {
-            answer.timings = vec![resolving];
-            return Ok(Some((subject, answer)));
+        let Some(decided) = decided? else { return Ok(Step::GivenUp) };
+        match decided {
+            Choice::Kept(kept) => Ok(of.kept(*kept)),
+            Choice::New(painting) => {
+                let spent = clock.monotonic().saturating_sub(resolved);
+                let (last_turn, between) = ((0, Duration::ZERO), Duration::ZERO);
+                let (painting, n_turns, was_failed) = (*painting, 0, false);
+                self.take_turn(Paused { job, of, painting, spent, n_turns, last_turn, between, was_failed })
+            }
         }
-        self.note_drawn(&answer, clock.monotonic().saturating_sub(resolved), started);
-        answer.timings.insert(0, resolving);
+    }
+
+    /// Draws pieces of a picture for a turn, or all of it where nothing may be drawn between.
+    fn take_turn(&mut self, mut paused: Paused) -> Result<Step, EngineError> {
+        let (shared, clock) = (self.shared, &*self.shared.clock);
+        let began = clock.monotonic();
+        let had_failed = paused.was_failed;
+        let outcome = self.twice_at_most(paused.job.id, |thread| {
+            let turned = thread.turn(&mut paused, began);
+            match turned {
+                // Twice a picture, not twice a turn.
+                Err(Failure::Render(error)) if had_failed => {
+                    thread.recovers_from(&error);
+                    Err(Failure::Engine(thread.told(error.into())))
+                }
+                turned => turned,
+            }
+        })?;
+        let turn = clock.monotonic().saturating_sub(began);
+        let Some(progress) = outcome else { return Ok(Step::GivenUp) };
+        paused.spent += turn;
+        // What deciding took belongs to the first turn.
+        shared.queue.note_drawn(if paused.n_turns == 0 { paused.spent } else { turn });
+        paused.n_turns += 1;
+        if progress == Progress::MoreToDraw {
+            paused.last_turn = (self.n_turns, clock.monotonic());
+            return Ok(Step::Paused(Box::new(paused)));
+        }
+        let Paused { of, painting, between, .. } = paused;
+        let answer = painting.finish(&of.subject, &shared.forecaster);
+        let mut answer = answer.ok_or_else(|| EngineError::Internal("a picture was lost".to_owned()))?;
+        self.note_drawn(&answer, of.started);
+        answer.timings.insert(0, ("resolve", of.resolving));
+        if !between.is_zero() {
+            answer.timings.insert(1, ("pause", between));
+        }
         // What a session shows depends on what it showed before: after a seek the same instant is another picture.
-        if subject.session.is_none() {
-            let chosen = || Arc::new(subject.with(answer.settings));
-            let kept = if subject.deadline.is_some() { chosen() } else { Arc::clone(&subject) };
+        if of.subject.session.is_none() {
+            let chosen = || Arc::new(of.subject.with(answer.settings));
+            let kept = if of.subject.deadline.is_some() { chosen() } else { Arc::clone(&of.subject) };
             self.cache.insert(kept, answer.clone());
         }
         shared.metrics.render_cache.set(i64::try_from(self.cache.bytes()).unwrap_or(i64::MAX));
-        Ok(Some((subject, answer)))
+        Ok(Step::Drawn(of, answer))
     }
 
-    /// Decides and draws `subject` while it is `wanted`, or finds what was decided among the pictures that are kept.
-    fn drawn(
+    /// Draws pieces while somebody waits for them, until the turn that began then is over.
+    fn turn(&mut self, paused: &mut Paused, began: Duration) -> Result<Option<Progress>, Failure> {
+        let (shared, clock) = (self.shared, &*self.shared.clock);
+        let Paused { job, of, painting, was_failed, .. } = paused;
+        loop {
+            if !shared.queue.is_wanted(job.id) {
+                return Ok(None);
+            }
+            let renderer = self.ensure_renderer()?;
+            let progress =
+                painting.go_on(&of.subject, renderer, clock).inspect_err(|_| *was_failed = true)?;
+            let is_over = clock.monotonic().saturating_sub(began) >= LEAST_TURN && painting.may_pause();
+            if progress == Progress::Finished || is_over {
+                return Ok(Some(progress));
+            }
+        }
+    }
+
+    /// Decides what of `subject` is drawn and how exactly, or finds what was decided among the pictures that are kept.
+    fn decided(
         &mut self,
         subject: &Subject,
         seen: &Seen,
         (remembered, session): (&mut Remembered, Option<&mut ViewSession>),
-        asked_at: Duration,
-        wanted: &mut dyn FnMut() -> bool,
-    ) -> Result<Option<ViewAnswer>, Failure> {
+        job: &Job,
+    ) -> Result<Choice, Failure> {
         let (shared, clock) = (self.shared, &*self.shared.clock);
         let forecaster = &shared.forecaster;
         let renderer = self.renderer.as_mut().ok_or_else(|| no_renderer(shared, shared.renderer_state()))?;
@@ -264,32 +422,37 @@ impl<'a> RenderThread<'a> {
         };
         let fused = clock.monotonic();
         let deadline = subject.deadline.map(|(deadline, _)| deadline);
+        let is_divided = expected_pieces(
+            (subject.picture.width_px, subject.picture.height_px),
+            subject.wishes.settings.sampling,
+        ) > 1;
         let left = || {
             let drawing = deadline.map_or(Duration::MAX, |of| of.total.saturating_sub(of.reserve));
-            asked_at.saturating_add(drawing).saturating_sub(clock.monotonic())
+            let left = job.asked_at.saturating_add(drawing).saturating_sub(clock.monotonic());
+            // Others have turns between its pieces.
+            if is_divided && deadline.is_some() { shared.queue.share_of(&job.flow, left) } else { left }
         };
         let pending = |state: &SceneState, plan: &Plan| renderer.pending(state, plan);
         let decided = subject
             .decide(state, (&mut remembered.hulls, session), forecaster, &left, &pending)
             .map_err(|none| {
                 shared.metrics.count_refused(ViewRefusal::Deadline);
-                none_fits(deadline, none, shared.queue.retry_after())
+                none_fits(deadline, none, shared.queue.retry_after(&job.flow))
             })?;
         if subject.deadline.is_some()
             && subject.session.is_none()
             && let Some(kept) = self.cache.get(&subject.with(decided.decision.settings))
         {
             let expected = Some(decided.decision.expected);
-            return Ok(Some(ViewAnswer { origin: Origin::Kept, expected, ..kept }));
+            return Ok(Choice::Kept(Box::new(ViewAnswer { origin: Origin::Kept, expected, ..kept })));
         }
         let planned = clock.monotonic();
         let took = [fused.saturating_sub(started), planned.saturating_sub(fused)];
-        Ok(subject.paint(decided, took, renderer, (clock, forecaster), wanted)?)
+        Ok(Choice::New(Box::new(Painting::new(decided, took))))
     }
 
-    fn note_drawn(&mut self, answer: &ViewAnswer, took: Duration, started: Duration) {
+    fn note_drawn(&mut self, answer: &ViewAnswer, started: Duration) {
         self.backoff.note_drawn();
-        self.shared.queue.note_drawn(took);
         let metrics = &self.shared.metrics;
         let all = self.shared.clock.monotonic().saturating_sub(started);
         metrics.render_picture.observe(all.as_secs_f64());
@@ -311,12 +474,13 @@ impl<'a> RenderThread<'a> {
     /// dropped when memory ran out.
     fn twice_at_most<T>(
         &mut self,
+        job: JobId,
         mut draw: impl FnMut(&mut Self) -> Result<Option<T>, Failure>,
     ) -> Result<Option<T>, EngineError> {
         match draw(self) {
             Ok(drawn) => return Ok(drawn),
             Err(Failure::Render(error)) if self.recovers_from(&error) => {
-                if !self.shared.queue.is_wanted() {
+                if !self.shared.queue.is_wanted(job) {
                     return Ok(None);
                 }
             }
@@ -437,7 +601,7 @@ impl<'a> RenderThread<'a> {
 }
 
 fn no_renderer(shared: &Shared, reason: String) -> EngineError {
-    EngineError::NoRenderer { reason, retry_after: shared.queue.retry_after() }
+    EngineError::NoRenderer { reason, retry_after: shared.queue.retry_after(&Flow::Common) }
 }
 
 /// What is told of a device.
@@ -490,9 +654,9 @@ mod tests {
     }
 
     /// Somebody waits for a picture, and it is in hand.
-    fn in_hand(shared: &Shared) -> tokio::sync::oneshot::Receiver<Result<ViewAnswer, EngineError>> {
+    fn in_hand(shared: &Shared) -> (JobId, tokio::sync::oneshot::Receiver<Result<ViewAnswer, EngineError>>) {
         let (reply, answer) = tokio::sync::oneshot::channel();
-        let request = ViewRequest {
+        let request = crate::engine::view::ViewRequest {
             scene: "yard".to_owned(),
             kind: crate::engine::ViewKind::Perspective,
             eye: None,
@@ -511,9 +675,9 @@ mod tests {
             blur_people: None,
             scope: videofields_vision::access::Scope::all(),
         };
-        shared.queue.push(request, reply).expect("there is room");
-        assert!(matches!(shared.queue.next(Duration::ZERO), Next::Picture(..)));
-        answer
+        shared.queue.push(request, Flow::Common, reply).expect("there is room");
+        let Next::Picture(job) = shared.queue.next(Duration::ZERO) else { panic!("it is next") };
+        (job.id, answer)
     }
 
     fn lost() -> Failure {
@@ -527,11 +691,12 @@ mod tests {
     /// Draws with one outcome after the other; how often, and what came of it.
     fn drawn<T>(
         thread: &mut RenderThread<'_>,
+        job: JobId,
         outcomes: impl IntoIterator<Item = Result<Option<T>, Failure>>,
     ) -> (usize, Result<Option<T>, EngineError>) {
         let mut outcomes = outcomes.into_iter();
         let mut n_drawn = 0;
-        let outcome = thread.twice_at_most(|_thread| {
+        let outcome = thread.twice_at_most(job, |_thread| {
             n_drawn += 1;
             outcomes.next().expect("drawn twice at most")
         });
@@ -558,11 +723,11 @@ mod tests {
     fn what_met_a_loss_is_drawn_once_more() {
         let (_clock, shared) = shared();
         let mut thread = RenderThread::new(&shared);
-        let _answer = in_hand(&shared);
-        let (n_drawn, outcome) = drawn(&mut thread, [Err(lost()), Ok(Some(7))]);
+        let (job, _answer) = in_hand(&shared);
+        let (n_drawn, outcome) = drawn(&mut thread, job, [Err(lost()), Ok(Some(7))]);
         assert_eq!((n_drawn, outcome.unwrap()), (2, Some(7)));
         assert!(shared.renderer_state().contains("the GPU was lost: a test"));
-        let (n_drawn, outcome) = drawn(&mut thread, [Err::<Option<()>, _>(lost()), Err(lost())]);
+        let (n_drawn, outcome) = drawn(&mut thread, job, [Err::<Option<()>, _>(lost()), Err(lost())]);
         let error = outcome.unwrap_err();
         assert!(matches!(error, EngineError::NoRenderer { .. }), "{error}");
         assert_eq!((n_drawn, error.kind()), (2, ErrorKind::Unavailable));
@@ -575,13 +740,13 @@ mod tests {
     fn what_nobody_waits_for_any_more_is_not_drawn_again() {
         let (clock, shared) = shared();
         let mut thread = RenderThread::new(&shared);
-        let answer = in_hand(&shared);
+        let (job, answer) = in_hand(&shared);
         drop(answer);
-        let (n_drawn, outcome) = drawn(&mut thread, [Err::<Option<()>, _>(lost())]);
+        let (n_drawn, outcome) = drawn(&mut thread, job, [Err::<Option<()>, _>(lost())]);
         assert_eq!((n_drawn, outcome.unwrap()), (1, None));
-        let mut answer = in_hand(&shared);
+        let (job, mut answer) = in_hand(&shared);
         clock.advance(Duration::from_secs(9));
-        let (n_drawn, outcome) = drawn(&mut thread, [Err::<Option<()>, _>(lost())]);
+        let (n_drawn, outcome) = drawn(&mut thread, job, [Err::<Option<()>, _>(lost())]);
         assert_eq!((n_drawn, outcome.unwrap()), (1, None));
         assert!(matches!(answer.try_recv(), Ok(Err(EngineError::Late { .. }))));
     }
@@ -590,13 +755,13 @@ mod tests {
     fn when_memory_runs_out_caches_are_dropped_and_it_is_tried_once_more() {
         let (_clock, shared) = shared();
         let mut thread = RenderThread::new(&shared);
-        let _answer = in_hand(&shared);
+        let (job, _answer) = in_hand(&shared);
         shared.metrics.render_cache.set(99);
-        let (n_drawn, outcome) = drawn(&mut thread, [Err(out_of_memory()), Ok(Some(7))]);
+        let (n_drawn, outcome) = drawn(&mut thread, job, [Err(out_of_memory()), Ok(Some(7))]);
         assert_eq!((n_drawn, outcome.unwrap()), (2, Some(7)));
         assert_eq!(shared.metrics.render_cache.get(), 0);
         let (n_drawn, outcome) =
-            drawn(&mut thread, [Err::<Option<()>, _>(out_of_memory()), Err(out_of_memory())]);
+            drawn(&mut thread, job, [Err::<Option<()>, _>(out_of_memory()), Err(out_of_memory())]);
         assert_eq!((n_drawn, outcome.unwrap_err().kind()), (2, ErrorKind::TooLarge));
     }
 
@@ -604,9 +769,9 @@ mod tests {
     fn a_fault_of_the_request_is_not_tried_again() {
         let (_clock, shared) = shared();
         let mut thread = RenderThread::new(&shared);
-        let _answer = in_hand(&shared);
+        let (job, _answer) = in_hand(&shared);
         let refused = RenderError::View(videofields_vision::error::Fault::new("width", "must be 1 to 9"));
-        let (n_drawn, outcome) = drawn(&mut thread, [Err::<Option<()>, _>(refused.into())]);
+        let (n_drawn, outcome) = drawn(&mut thread, job, [Err::<Option<()>, _>(refused.into())]);
         assert_eq!((n_drawn, outcome.unwrap_err().kind()), (1, ErrorKind::Invalid));
     }
 

@@ -20,11 +20,12 @@ use videofields_recording::timeline::{
 use videofields_service::engine::{
     AccuracyState, AccuracyStatus, At, BlurAsked, CalibrationAlignment, CameraAlignment, CameraBlur,
     CameraSummary, CameraTimeline, DecodingSummary, DeviceSummary, Door, EngineError, EntityCursor,
-    EntityQuery, Expected, FoundCameras, FoundEntities, FoundEntity, FoundPoint, FoundSources, FoundStand,
-    FoundTrack, FoundTracks, LocateMethod, Located, Look, MapProgress, MapSummary, OpenedBuilding, Origin,
-    PairAlignment, PlannedEntity, PlannedView, PlayheadState, Present, PresentEntity, Preview, Privacy,
-    PrivacySummary, Readiness, RecordingSummary, SceneAlignment, SceneMoment, SceneSummary, SceneTimeline,
-    SourceTime, StopFlag, StretchedSummary, TrackCursor, TrackQuery, ViewAnswer, ViewIdentity, ViewRequest,
+    EntityQuery, Expected, Flow, FoundCameras, FoundEntities, FoundEntity, FoundPoint, FoundSources,
+    FoundStand, FoundTrack, FoundTracks, LocateMethod, Located, Look, MapProgress, MapSummary,
+    OpenedBuilding, Origin, PairAlignment, PlannedEntity, PlannedView, PlayheadState, Present, PresentEntity,
+    Preview, Privacy, PrivacySummary, Readiness, RecordingSummary, SceneAlignment, SceneMoment, SceneSummary,
+    SceneTimeline, SourceTime, StopFlag, StretchedSummary, TrackCursor, TrackQuery, ViewAnswer, ViewIdentity,
+    ViewRequest,
 };
 use videofields_vision::access::Grants;
 use videofields_vision::calibrate::CameraDocument;
@@ -55,6 +56,8 @@ pub(crate) struct State {
     pub(super) keeps_views: bool,
     /// Views that were asked for.
     pub(crate) n_views: usize,
+    /// In whose turns the last one was asked for.
+    pub(super) flow: Option<Flow>,
     /// How views say that they came about.
     pub(super) origin: Option<Origin>,
     pub(super) kept: Vec<oneshot::Sender<Result<ViewAnswer, EngineError>>>,
@@ -641,12 +644,14 @@ impl Door for FakeDoor {
     fn view(
         &self,
         request: ViewRequest,
+        flow: Flow,
         reply: oneshot::Sender<Result<ViewAnswer, EngineError>>,
     ) -> Result<(), EngineError> {
         self.failure()?;
         let mut state = self.0.lock().unwrap();
         state.view = Some(request.clone());
         state.n_views += 1;
+        state.flow = Some(flow);
         if state.keeps_views {
             state.kept.push(reply);
             return Ok(());

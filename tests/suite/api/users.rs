@@ -13,6 +13,7 @@ use videofields_api::{Limits, Trust};
 use videofields_recording::accounts::{Accounts, Attempt, Audit};
 use videofields_recording::store::Store;
 use videofields_service::catalog::Catalog;
+use videofields_service::engine::Flow;
 use videofields_vision::access::{Grants, Right};
 use videofields_vision::clock::{Clock, Timestamp};
 
@@ -605,4 +606,29 @@ async fn who_asked_for_a_job_is_told_to_who_may_see_it() {
         jobs["jobs"].as_array().unwrap().len()
     };
     assert_eq!((own("ann").await, own("root").await), (1, 0));
+}
+
+#[tokio::test]
+async fn views_are_drawn_in_the_turns_of_the_user_who_asks() {
+    let view = "/api/v1/scenes/plaza/view.jpg?width=64&height=48";
+    let flow = |house: &House| house.bench.door.0.lock().unwrap().flow.take();
+    let open = House::new().await;
+    assert_eq!(open.get(view, Shows::Nothing).await.status, 200);
+    assert_eq!(flow(&open), Some(Flow::Common), "without users nothing tells callers apart");
+    let (house, root) = House::with_admin().await;
+    let made = house.user(&root, "guard", json!({"role": "admin", "password": PASSWORD})).await;
+    assert_eq!(made.status, 201);
+    let (_, guard) = house.accounts.add_token("guard", String::new(), None).await.unwrap();
+    let (_, other) = house.accounts.add_token("root", String::new(), None).await.unwrap();
+    let session = key(&house.log_in("guard", PASSWORD).await);
+    for (shows, user) in [
+        (Shows::Token(&root), "root"),
+        (Shows::Token(&guard), "guard"),
+        // All tokens and pages of a user are one.
+        (Shows::Token(&other), "root"),
+        (Shows::Session(&session, None), "guard"),
+    ] {
+        assert_eq!(house.get(view, shows).await.status, 200);
+        assert_eq!(flow(&house), Some(Flow::User(user.into())));
+    }
 }

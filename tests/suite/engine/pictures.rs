@@ -7,7 +7,7 @@ use std::time::Duration;
 use tempfile::TempDir;
 use tokio::sync::oneshot;
 use videofields_picture::plan::{Colors, EntityStyle, Plan, Reason};
-use videofields_service::engine::{At, Door, EngineError, Origin, ViewAnswer, ViewKind, ViewRequest};
+use videofields_service::engine::{At, Door, EngineError, Flow, Origin, ViewAnswer, ViewKind, ViewRequest};
 use videofields_testing::wait_for;
 use videofields_vision::clock::{Clock, SystemClock, Timestamp};
 use videofields_vision::config::{End, RenderSettings, Settings};
@@ -35,7 +35,7 @@ type Asked = oneshot::Receiver<Result<ViewAnswer, EngineError>>;
 
 fn ask(bench: &Bench, request: ViewRequest) -> Result<Asked, EngineError> {
     let (reply, answer) = oneshot::channel();
-    Door::view(&*bench.handle, request, reply).map(|()| answer)
+    Door::view(&*bench.handle, request, Flow::Common, reply).map(|()| answer)
 }
 
 /// The answer, which must come in bounded time.
@@ -237,7 +237,8 @@ fn what_is_drawn_for_too_long_is_refused_in_time() {
         assert!(error.retry_after().is_some());
     }
     if gpu.is_software() {
-        assert!(told.iter().all(Result::is_err), "33 million pixels take a processor longer");
+        // The small one behind it waits for a piece of it alone, and may be there in time.
+        assert!(told[0].is_err(), "33 million pixels take a processor longer");
         assert!(took < Duration::from_secs(5), "{took:?}: not after the drawing, but at the deadline");
     }
     // The render thread goes on with what comes after.

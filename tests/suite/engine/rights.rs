@@ -13,7 +13,7 @@ use videofields_recording::accounts::{Accounts, Audit, UserChange};
 use videofields_recording::store::DocumentKind;
 use videofields_service::catalog::{Catalog, Changer, Condition};
 use videofields_service::engine::{
-    At, Door, EngineError, Handle, LocateMethod, PlannedView, TrackQuery, ViewKind, ViewRequest,
+    At, Door, EngineError, Flow, Handle, LocateMethod, PlannedView, TrackQuery, ViewKind, ViewRequest,
 };
 use videofields_vision::access::{Grants, Right, Rights, Role};
 use videofields_vision::clock::{Clock, SystemClock, Timestamp};
@@ -244,7 +244,7 @@ fn who_waits_beside_another_caller_gets_no_picture_of_theirs() {
         let other = ViewRequest { width_px: 300 + round, height_px: 200, ..asked() };
         let wait = |handle: &Handle, request: ViewRequest| {
             let (reply, answer) = tokio::sync::oneshot::channel();
-            Door::view(&**handle, request, reply).unwrap();
+            Door::view(&**handle, request, Flow::Common, reply).unwrap();
             answer
         };
         let asked = ViewRequest { width_px: 40 + round, ..asked() };

@@ -187,6 +187,12 @@ impl SnapshotRemoval {
 pub enum ViewRefusal {
     /// `render.queue_length` pictures waited already.
     QueueFull,
+    /// The pictures that waited already take too many bytes.
+    QueueBytes,
+    /// Of the user as many pictures waited as are their share.
+    UserShare,
+    /// The user's pictures that waited already take as many bytes as are their share.
+    UserBytes,
     /// It was waited for `render.timeout_secs`.
     Late,
     /// There was no GPU to draw it.
@@ -197,13 +203,24 @@ pub enum ViewRefusal {
 
 impl ViewRefusal {
     /// All of them.
-    pub const ALL: [Self; 4] = [Self::QueueFull, Self::Late, Self::NoRenderer, Self::Deadline];
+    pub const ALL: [Self; 7] = [
+        Self::QueueFull,
+        Self::QueueBytes,
+        Self::UserShare,
+        Self::UserBytes,
+        Self::Late,
+        Self::NoRenderer,
+        Self::Deadline,
+    ];
 
     /// The label's value.
     #[must_use]
     pub const fn as_str(self) -> &'static str {
         match self {
             Self::QueueFull => "queue_full",
+            Self::QueueBytes => "queue_bytes",
+            Self::UserShare => "user_share",
+            Self::UserBytes => "user_bytes",
             Self::Late => "late",
             Self::NoRenderer => "no_renderer",
             Self::Deadline => "deadline",

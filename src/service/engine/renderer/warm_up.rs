@@ -1,9 +1,11 @@
 //! Making ready while nobody asks: the scenes' own views are drawn once, so that the first picture somebody asks for waits for
 //! no program and no patches, and deadlines are judged by what pictures take and not by what their first takes.
 
-use super::{Failure, RenderThread};
+use super::{Choice, Failure, RenderThread, no_renderer};
 use crate::engine::EngineError;
+use crate::engine::flow::Flow;
 use crate::engine::picture::Subject;
+use crate::engine::queue::{Job, JobId};
 use crate::engine::resolve::{Resolved, Seen};
 use crate::engine::shared::Shared;
 use crate::engine::view::ViewRequest;
@@ -129,7 +131,8 @@ impl RenderThread<'_> {
             if !is_idle(self.shared) {
                 return Ok(false);
             }
-            let Ok(Resolved { subject, seen }) = self.shared.resolve(&ViewRequest::own(scene, effort)) else {
+            let request = ViewRequest::own(scene, effort);
+            let Ok(Resolved { subject, seen }) = self.shared.resolve(&request) else {
                 return Ok(true);
             };
             if drawn.is_none() && !self.warm_up.is_needed(scene, &seen) {
@@ -138,7 +141,7 @@ impl RenderThread<'_> {
             if self.ensure_renderer().is_err() {
                 return Ok(false);
             }
-            match self.draw_unasked(&subject, &seen) {
+            match self.draw_unasked(&request, (&subject, &seen)) {
                 Ok(true) => drawn = Some(seen),
                 Ok(false) => return Ok(false),
                 Err(failure) => {
@@ -157,16 +160,25 @@ impl RenderThread<'_> {
     }
 
     /// Draws what nobody waits for; whether nobody came meanwhile.
-    fn draw_unasked(&mut self, subject: &Subject, seen: &Seen) -> Result<bool, Failure> {
+    fn draw_unasked(
+        &mut self,
+        request: &ViewRequest,
+        (subject, seen): (&Subject, &Seen),
+    ) -> Result<bool, Failure> {
         let shared = self.shared;
         // A panic on the way costs what is known of gains and hulls, and no more.
         let mut associations = std::mem::take(&mut self.associations);
         let remembered = associations.of(&subject.scene);
         shared.refresh_forecaster();
-        let mut wanted = || is_idle(shared);
-        let drawn = self.drawn(subject, seen, (remembered, None), shared.clock.monotonic(), &mut wanted);
+        let (nobody, now) = (JobId::nobody(), shared.clock.monotonic());
+        let job = Job { id: nobody, request: request.clone(), asked_at: now, flow: Flow::Common };
+        let decided = self.decided(subject, seen, (remembered, None), &job);
         self.associations = associations;
-        Ok(drawn?.is_some())
+        let Choice::New(painting) = decided? else { return Ok(true) };
+        let renderer = self.renderer.as_mut().ok_or_else(|| no_renderer(shared, shared.renderer_state()))?;
+        let (clock, forecaster) = (&*shared.clock, &shared.forecaster);
+        let drawn = painting.paint(subject, renderer, (clock, forecaster), &mut || is_idle(shared))?;
+        Ok(drawn.is_some())
     }
 }
 

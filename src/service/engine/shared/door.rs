@@ -6,6 +6,7 @@ use super::super::alignment::SceneAlignment;
 use super::super::blurring::{BlurAsked, CameraBlur};
 use super::super::chronicle::SceneTimeline;
 use super::super::entities::{EntityQuery, FoundEntities};
+use super::super::flow::Flow;
 use super::super::handle::{
     At, CameraSummary, DecodingSummary, DeviceSummary, Door, LocateMethod, Located, Preview, Readiness,
     RecordingSummary, SceneSummary, StretchedSummary, surface_name,
@@ -360,9 +361,10 @@ impl Door for Shared {
     fn view(
         &self,
         request: ViewRequest,
+        flow: Flow,
         reply: oneshot::Sender<Result<ViewAnswer, EngineError>>,
     ) -> Result<(), EngineError> {
-        self.queue.push(request, reply)
+        self.queue.push(request, flow, reply)
     }
 
     fn identity(&self, request: &ViewRequest) -> Result<ViewIdentity, EngineError> {
