@@ -40,7 +40,7 @@ pub struct Rendered {
 /// Number of the next turn of any renderer: what was gathered for one serves no other.
 static TURNS: AtomicU64 = AtomicU64::new(1);
 
-/// How far a picture is.
+/// Progress of a picture that is drawn piece by piece.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Progress {
     /// Pieces of it are still to be drawn.
@@ -104,7 +104,7 @@ impl Drawing {
     }
 }
 
-/// What a drawing shows of a scene, and what of the renderer was made ready for it, until another is drawn.
+/// Parts of a scene that a drawing shows, and of the renderer what was made ready for it, until another is drawn.
 #[derive(Debug)]
 struct Gathered {
     turn: u64,

@@ -27,7 +27,7 @@ pub(super) struct Room {
     pub most_pixels: u64,
 }
 
-/// How far a part has been drawn: in bands of rows from the top, each from left to right.
+/// Place in a part where its next piece begins: parts are drawn in bands of rows from the top, each from left to right.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct Cursor {
     left: u32,

@@ -90,7 +90,7 @@ pub(super) const STAGES: [StageForm; 8] = [
     ),
 ];
 
-/// What grows with the pixels of a picture.
+/// Features that grow with the pixels of a picture.
 const OF_PIXELS: [Feature; 17] = [
     F::Drawn,
     F::Sampled,

@@ -48,12 +48,12 @@ struct Times {
     ends: [Duration; 2],
 }
 
-/// What a flow could do next, the best first.
+/// A turn that a flow could have next, the best first.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) struct Offer<T: Ord> {
-    /// Of several.
+    /// Kind of the picture.
     pub(super) kind: Kind,
-    /// What is to be done, the earliest first.
+    /// The picture, the earliest first.
     pub(super) what: T,
 }
 
@@ -148,7 +148,7 @@ mod tests {
         Flow::User(name.into())
     }
 
-    /// What flows have to do: by name and kind, how long each of their turns takes.
+    /// Work that flows have: by name and kind, how long each of their turns takes.
     struct Bench {
         turns: Turns,
         work: Vec<(&'static str, Kind, u32)>,

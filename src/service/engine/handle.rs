@@ -682,7 +682,7 @@ pub trait Door: Send + Sync {
 #[derive(Clone)]
 pub struct Handle {
     door: Arc<dyn Door>,
-    /// Whose pictures are asked for.
+    /// The callers in whose turns pictures are drawn.
     flow: Flow,
 }
 

@@ -219,10 +219,10 @@ impl Subject {
     }
 }
 
-/// What a piece of a picture takes at most by the first guess of costs, milliseconds: what others wait for.
-const PIECE_MS: f64 = 150.0;
+/// Time that a piece of a picture takes about by the first guess of costs: others wait for it.
+pub(super) const PIECE_TIME: Duration = Duration::from_millis(150);
 
-/// How much faster than two processors any other device is taken to be.
+/// Factor by which any other device is taken to be faster than two processors.
 const DEVICE_SPEED: f64 = 16.0;
 
 /// Least pixels of a piece: of fewer, what every piece takes would count.
@@ -231,7 +231,7 @@ const LEAST_PIECE_PX: u64 = 1 << 16;
 /// Most pixels of a piece of a picture. By the plan alone and not by what was measured, so that the same picture has the same bytes.
 fn most_pixels(decided: &Decided, picture: &Picture, renderer: &Renderer) -> u64 {
     let speed = if renderer.gpu().is_software() { 1.0 } else { DEVICE_SPEED };
-    let n_pieces = decided.decision.task.work.guessed_pixels_ms() / (speed * PIECE_MS);
+    let n_pieces = decided.decision.task.work.guessed_pixels_ms() / (speed * 1e3 * PIECE_TIME.as_secs_f64());
     let n_pixels = f64::from(picture.width_px) * f64::from(picture.height_px);
     ((n_pixels / n_pieces.max(1.0)) as u64).max(LEAST_PIECE_PX)
 }
@@ -239,7 +239,7 @@ fn most_pixels(decided: &Decided, picture: &Picture, renderer: &Renderer) -> u64
 /// A picture that was decided on, as far as it is drawn.
 pub(super) struct Painting {
     decided: Decided,
-    /// What fusing and planning took.
+    /// Times of fusing and planning.
     took: [Duration; 2],
     preparing: Duration,
     drawing: Duration,
@@ -248,7 +248,7 @@ pub(super) struct Painting {
 }
 
 impl Painting {
-    /// What was decided, of which nothing is drawn; fusing and planning it `took` so long.
+    /// Begins with what was decided, of which nothing is drawn; fusing and planning it `took` so long.
     pub(super) const fn new(decided: Decided, took: [Duration; 2]) -> Self {
         Self { decided, took, preparing: Duration::ZERO, drawing: Duration::ZERO, drawn: None }
     }
@@ -297,12 +297,12 @@ impl Painting {
         Ok(progress)
     }
 
-    /// Whether others may be drawn before its next piece.
+    /// Returns true where others may be drawn before its next piece.
     pub(super) fn may_pause(&self) -> bool {
         self.drawn.as_ref().is_some_and(Drawing::may_pause)
     }
 
-    /// What of the drawing is left by what was expected.
+    /// Returns what of the drawing is left by what was expected.
     pub(super) fn left(&self) -> Duration {
         let upper_ms = self.decided.decision.expected.forecast.upper_drawing_ms();
         Duration::try_from_secs_f64(upper_ms * 1e-3).unwrap_or_default().saturating_sub(self.drawing)

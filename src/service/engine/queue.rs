@@ -1,4 +1,4 @@
-//! What waits for the renderer, and whose turn is next: the renderer's time is shared fairly among users ([`super::flow`]), within one by
+//! The queue of the renderer, and whose turn is next: the renderer's time is shared fairly among users ([`super::flow`]), within one by
 //! the order in which pictures were first asked for.
 //!
 //! Requests flow in from any thread; the render thread draws a picture, or a piece of one, then asks what is next. Each picture stands here
@@ -70,7 +70,7 @@ struct State {
     /// No device can be had until then.
     down_until: Duration,
     turns: Turns,
-    /// Whose turn it is, with what, and since when.
+    /// The turn that goes on: its flow, its kind, and since when.
     turn: Option<(Flow, Kind, Duration)>,
 }
 
@@ -79,7 +79,7 @@ struct State {
 pub(super) struct Job {
     pub(super) id: JobId,
     pub(super) request: ViewRequest,
-    /// When it was first asked for.
+    /// Moment at which it was first asked for.
     pub(super) asked_at: Duration,
     /// On whose behalf it is begun.
     pub(super) flow: Flow,

@@ -13,7 +13,7 @@ use super::frame_cache::FrameCache;
 use super::handle::DeviceSummary;
 use super::identity::ViewIdentity;
 use super::pace::Backoff;
-use super::picture::{HOST_STAGES, Painting, Subject, failure_of, none_fits};
+use super::picture::{HOST_STAGES, PIECE_TIME, Painting, Subject, failure_of, none_fits};
 use super::queue::{Job, JobId, Next};
 use super::resolve::{Resolved, Seen};
 use super::sessions::Sessions;
@@ -27,7 +27,7 @@ use videofields_picture::fuse::SceneState;
 use videofields_picture::plan::{Plan, ViewSession};
 use videofields_recording::telemetry::ViewRefusal;
 use videofields_render::gpu::{Gpu, GpuError};
-use videofields_render::{Progress, RenderError, Renderer, expected_pieces};
+use videofields_render::{Progress, RenderError, Renderer};
 use videofields_vision::error::ErrorKind;
 use warm_up::WarmUp;
 
@@ -103,14 +103,14 @@ struct RenderThread<'a> {
     privacy_changes: u64,
 }
 
-/// What a picture in hand turned out to mean, and what the answer tells beside it.
+/// A picture in hand once it is known what it means, with what the answer tells beside it.
 struct Begun {
     subject: Arc<Subject>,
     resolving: Duration,
     started: Duration,
-    /// How often privacy zones had been changed when it was begun.
+    /// Changes of privacy zones before it was begun.
     privacy_changes: u64,
-    /// How often it was begun.
+    /// Times that it was begun.
     n_begun: u32,
 }
 
@@ -127,18 +127,18 @@ struct Paused {
     job: Job,
     of: Begun,
     painting: Painting,
-    /// What deciding and drawing it took so far.
+    /// Time that deciding and drawing it took so far.
     spent: Duration,
     n_turns: u32,
     /// Which turn of all was its last one, and when that ended.
     last_turn: (u64, Duration),
-    /// What others took between its turns.
+    /// Time that others took between its turns.
     between: Duration,
-    /// Whether a device failed under it before.
+    /// True where a device failed under it before.
     was_failed: bool,
 }
 
-/// What a turn came to.
+/// The outcome of a turn.
 enum Step {
     /// A picture.
     Drawn(Begun, ViewAnswer),
@@ -150,7 +150,7 @@ enum Step {
     GivenUp,
 }
 
-/// What was decided to be shown.
+/// A picture that was decided on.
 enum Choice {
     /// A picture that was drawn before.
     Kept(Box<ViewAnswer>),
@@ -422,15 +422,14 @@ impl<'a> RenderThread<'a> {
         };
         let fused = clock.monotonic();
         let deadline = subject.deadline.map(|(deadline, _)| deadline);
-        let is_divided = expected_pieces(
-            (subject.picture.width_px, subject.picture.height_px),
-            subject.wishes.settings.sampling,
-        ) > 1;
         let left = || {
             let drawing = deadline.map_or(Duration::MAX, |of| of.total.saturating_sub(of.reserve));
             let left = job.asked_at.saturating_add(drawing).saturating_sub(clock.monotonic());
-            // Others have turns between its pieces.
-            if is_divided && deadline.is_some() { shared.queue.share_of(&job.flow, left) } else { left }
+            // Others have turns between its pieces; what is one is drawn at once.
+            match deadline {
+                Some(_) => shared.queue.share_of(&job.flow, left).max(left.min(PIECE_TIME)),
+                None => left,
+            }
         };
         let pending = |state: &SceneState, plan: &Plan| renderer.pending(state, plan);
         let decided = subject

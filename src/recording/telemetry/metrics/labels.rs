@@ -189,7 +189,7 @@ pub enum ViewRefusal {
     QueueFull,
     /// The pictures that waited already take too many bytes.
     QueueBytes,
-    /// Of the user as many pictures waited as are their share.
+    /// As many pictures of the user waited as are their share.
     UserShare,
     /// The user's pictures that waited already take as many bytes as are their share.
     UserBytes,

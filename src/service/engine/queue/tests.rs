@@ -8,7 +8,7 @@ use std::cell::Cell;
 use std::collections::HashMap;
 use videofields_picture::plan::{Aim, Deadline, Effort, EntityStyle, Plan, Settings};
 use videofields_picture::scene::SceneView;
-use videofields_vision::clock::{SimulatedClock, SystemClock, Timestamp};
+use videofields_vision::clock::{SimulatedClock, Timestamp};
 use videofields_vision::frame::RgbImage;
 
 /// A size of several pieces.
@@ -462,27 +462,4 @@ fn what_others_wait_for_is_part_of_what_is_told() {
     // A picture of several pieces has half of the time, or what is left when the others are done.
     let share = |secs| bench.queue.share_of(&owner, Duration::from_secs(secs)).as_secs();
     assert_eq!((share(4), share(20)), (2, 14));
-}
-
-/// What the queue itself costs every picture: that is to be nothing beside drawing it.
-#[test]
-fn choosing_among_many_takes_no_time() {
-    const N_TURNS: u32 = 2000;
-    let bench = Bench::with_length(64);
-    let flows: Vec<Flow> = (0..8).map(|idx| user(&format!("user{idx}"))).collect();
-    let mut drawn = HashMap::new();
-    let mut held: Vec<Answer> = Vec::new();
-    let clock = SystemClock::new();
-    let began = clock.monotonic();
-    for idx in 0..N_TURNS {
-        while bench.metrics.render_queue_length.get() < 32 {
-            let (wide, flow) = (1 + (held.len() as u32 + idx) % 4000, &flows[held.len() % flows.len()]);
-            let large = if held.len().is_multiple_of(5) { LARGE.1 } else { 9 };
-            held.push(bench.ask_by(flow, (wide, large)).expect("there is room"));
-        }
-        bench.turn(&mut drawn, 1).expect("they wait");
-    }
-    let each = (clock.monotonic() - began) / N_TURNS;
-    eprintln!("{each:?} a turn with 32 pictures of 8 users waiting");
-    assert!(each < Duration::from_millis(2), "{each:?}");
 }

@@ -20,14 +20,14 @@ pub(super) struct Place {
     n_bytes: u64,
 }
 
-/// How far a picture in hand is.
+/// Progress of a picture in hand.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Hand {
     pub(super) job: JobId,
     pub(super) begun_at: Duration,
-    /// Whether pieces of it are left, and it waits for its next turn.
+    /// True where pieces of it are left, and it waits for its next turn.
     pub(super) is_paused: bool,
-    /// What these take by what its plan expects, once that is known.
+    /// Time that these take by what its plan expects, once that is known.
     pub(super) left: Option<Duration>,
 }
 
@@ -49,7 +49,7 @@ impl Place {
         Self { id, request, callers: vec![caller], hand: None, n_pieces, n_bytes }
     }
 
-    /// How long a caller waits: until its deadline for the drawing to begin, and for what has begun as for any.
+    /// Returns how long a caller waits: until its deadline for the drawing to begin, and for what has begun as for any.
     pub(super) fn patience(&self, timeout: Duration) -> Duration {
         match self.request.effort.deadline() {
             Some(deadline) if self.hand.is_none() => deadline.total.min(timeout),
@@ -61,12 +61,12 @@ impl Place {
         self.hand.as_ref().is_some_and(|hand| hand.job == job)
     }
 
-    /// Whether anybody of a flow waits for it.
+    /// Returns true where anybody of a flow waits for it.
     pub(super) fn is_for(&self, flow: &Flow) -> bool {
         self.callers.iter().any(|caller| caller.flow == *flow)
     }
 
-    /// Whether the place counts as that flow's: its first caller's.
+    /// Returns true where the place counts as that flow's: its first caller's.
     fn is_held_by(&self, flow: &Flow) -> bool {
         self.callers.first().is_some_and(|caller| caller.flow == *flow)
     }
@@ -75,7 +75,7 @@ impl Place {
         self.hand.as_ref().filter(|hand| hand.is_paused)
     }
 
-    /// Whether it is being drawn now.
+    /// Returns true while it is being drawn.
     fn is_drawn(&self) -> bool {
         self.hand.as_ref().is_some_and(|hand| !hand.is_paused)
     }
@@ -84,7 +84,7 @@ impl Place {
         if self.n_pieces > 1 || self.hand.is_some() { Kind::Large } else { Kind::Small }
     }
 
-    /// What of the renderer's time it still takes, where a piece takes `piece`.
+    /// Returns what of the renderer's time it still takes, where a piece takes `piece`.
     fn expected(&self, piece: Duration) -> Duration {
         let left = self.hand.as_ref().and_then(|hand| hand.left);
         left.unwrap_or_else(|| piece.saturating_mul(self.n_pieces))
@@ -101,7 +101,7 @@ impl State {
         self.places.iter().filter(|place| !place.is_drawn() && place.is_held_by(flow)).count()
     }
 
-    /// Why a picture of so many bytes gets no place; none where it does. Whoever holds nothing gets a place while there is one.
+    /// Returns why a picture of so many bytes gets no place; none where it does. Whoever holds nothing gets a place while there is one.
     pub(super) fn refusal(&self, flow: &Flow, n_bytes: u64, max_pictures: usize) -> Option<ViewRefusal> {
         // Those of which pieces are drawn too: there are no more of them than places.
         let n_held = self.places.iter().filter(|place| !place.is_drawn()).count();
@@ -167,7 +167,7 @@ impl State {
         Some(Next::Picture(Box::new(Job { id, request: place.request.clone(), asked_at, flow })))
     }
 
-    /// How many other flows wait, and how much of the renderer's time these can take while the flow itself has `own` of it.
+    /// Returns how many other flows wait, and how much of the renderer's time these can take while the flow itself has `own` of it.
     pub(super) fn rivals(&self, flow: &Flow, own: Duration) -> (u32, Duration) {
         let piece = self.pace.median();
         let most = own.saturating_add(piece);
@@ -181,7 +181,7 @@ impl State {
         (n_others, all)
     }
 
-    /// What is before a new request of a flow takes about that long: what it waits for itself, and what others get meanwhile. What is drawn
+    /// Returns about how long what is before a new request of a flow takes: what it waits for itself, and what others get meanwhile. What is drawn
     /// counts as one piece. After `timeout` nothing of that waits any more.
     pub(super) fn retry_after(&self, flow: &Flow, now: Duration, timeout: Duration) -> Duration {
         let piece = self.pace.median();
