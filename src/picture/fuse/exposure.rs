@@ -57,12 +57,12 @@ struct Answer {
 
 impl Answer {
     fn is_of(&self, instant: Timestamp, backgrounds: &[(usize, &Arc<YuvImage>)]) -> bool {
-        let is_same = |(of, (member, background)): (&(usize, Weak<YuvImage>), &(usize, &Arc<YuvImage>))| {
-            of.0 == *member && std::ptr::eq(of.1.as_ptr(), Arc::as_ptr(background))
-        };
+        let mut pairs = self.compared.iter().zip(backgrounds);
         self.instant == instant
             && self.compared.len() == backgrounds.len()
-            && self.compared.iter().zip(backgrounds).all(is_same)
+            && pairs.all(|((member, of), (other, background))| {
+                member == other && std::ptr::eq(of.as_ptr(), Arc::as_ptr(background))
+            })
     }
 }
 

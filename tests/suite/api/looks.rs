@@ -291,9 +291,12 @@ async fn a_stream_that_follows_a_playhead_notes_where_it_goes() {
     let bearer = [("authorization", format!("Bearer {token}"))];
     let mut socket = dial(served.address, tile, &bearer).await.unwrap();
     let n_before = entries(&house, &token).await.len();
-    for (at, has_part) in
-        [("1970-01-01T00:20:00Z", true), ("1970-01-01T00:29:59Z", false), ("1970-01-01T00:00:03Z", false)]
-    {
+    for (at, has_part) in [
+        ("1970-01-01T00:20:00Z", true),
+        ("1970-01-01T00:29:59Z", false),
+        ("1970-01-01T00:00:03Z", false),
+        ("1970-01-01T00:30:00Z", true),
+    ] {
         let moved =
             house.send("PATCH", "/api/v1/playheads/wall", Shows::Token(&token), &[], json!({"at": at})).await;
         assert_eq!(moved.status, 200, "{}", String::from_utf8_lossy(&moved.body));
@@ -315,5 +318,5 @@ async fn a_stream_that_follows_a_playhead_notes_where_it_goes() {
             assert_eq!(is_there, has_part, "{path} at {at}: {noted:?}");
         }
     }
-    assert_eq!(entries(&house, &token).await.len(), n_before + 3 + 2);
+    assert_eq!(entries(&house, &token).await.len(), n_before + 4 + 4);
 }
