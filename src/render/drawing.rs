@@ -274,7 +274,7 @@ impl Renderer {
             self.find_mesh_cameras(state, gathered.hulls.as_deref());
         }
         let (step_px, margin_px) = (plan.resolution.step_px(), margin_px(plan, view));
-        let room = Room { most_pixels: drawing.most_pixels, ..room(plan, view, &self.gpu.limits()) };
+        let room = Room { most_pixels: drawing.most_pixels, ..room(plan, view, self.gpu.limits()) };
         let Some(Piece { columns, rows }) = drawing.cursor.next(view, room) else {
             return Err(RenderError::Plan("a part of a picture has no pixels".to_owned()));
         };

@@ -118,7 +118,7 @@ impl Begun {
     /// The answer by a picture that is kept.
     fn kept(self, kept: ViewAnswer) -> Step {
         let answer = ViewAnswer { timings: vec![("resolve", self.resolving)], origin: Origin::Kept, ..kept };
-        Step::Drawn(self, answer)
+        Step::Drawn(self, Box::new(answer))
     }
 }
 
@@ -141,7 +141,7 @@ struct Paused {
 /// The outcome of a turn.
 enum Step {
     /// A picture.
-    Drawn(Begun, ViewAnswer),
+    Drawn(Begun, Box<ViewAnswer>),
     /// Others may have a turn.
     Paused(Box<Paused>),
     /// It is the same as one that is paused.
@@ -249,7 +249,7 @@ impl<'a> RenderThread<'a> {
     fn conclude(&mut self, job: Job, taken: Result<Step, EngineError>) {
         let queue = &self.shared.queue;
         match taken {
-            Ok(Step::Drawn(of, answer)) => self.answer(&job, &of, answer),
+            Ok(Step::Drawn(of, answer)) => self.answer(&job, &of, *answer),
             Ok(Step::Paused(paused)) => {
                 queue.pause(job.id, paused.painting.left());
                 self.paused.push(*paused);
@@ -380,7 +380,7 @@ impl<'a> RenderThread<'a> {
             self.cache.insert(kept, answer.clone());
         }
         shared.metrics.render_cache.set(i64::try_from(self.cache.bytes()).unwrap_or(i64::MAX));
-        Ok(Step::Drawn(of, answer))
+        Ok(Step::Drawn(of, Box::new(answer)))
     }
 
     /// Draws pieces while somebody waits for them, until the turn that began then is over.
