@@ -65,15 +65,24 @@ pub(crate) struct DatabaseNote {
 pub(crate) struct FileNote {
     path: String,
     /// None where it could not be read.
-    bytes: Option<u64>,
+    pub(crate) bytes: Option<u64>,
     /// Lower-case hexadecimal.
     pub(crate) sha256: Option<String>,
 }
 
 impl FileNote {
-    pub(crate) fn of(path: &Path) -> std::io::Result<Self> {
+    fn of(path: &Path) -> std::io::Result<Self> {
+        // A pipe in the place of a file is not waited for, and what has no end is not read.
+        let file = std::fs::OpenOptions::new().read(true).custom_flags(libc::O_NONBLOCK).open(path)?;
+        if !file.metadata()?.is_file() {
+            return Err(std::io::Error::other("this is no file"));
+        }
+        Self::read(file, path)
+    }
+
+    /// Reads what a file holds; `path` is its name.
+    pub(crate) fn read(mut file: impl Read, path: &Path) -> std::io::Result<Self> {
         use sha2::Digest as _;
-        let mut file = File::open(path)?;
         let (mut hash, mut bytes, mut part) = (sha2::Sha256::new(), 0_u64, vec![0; 1 << 20]);
         loop {
             match file.read(&mut part)? {

@@ -3,13 +3,18 @@
 use super::backup::{FileNote, Manifest, manifest_path};
 use super::operator::{self, Configured};
 use anyhow::{Context, Result, bail};
+use std::io::{ErrorKind, Read};
 use std::path::{Path, PathBuf};
 use videofields_recording::signing::SigningKey;
+use videofields_recording::store::probe::{irregular, open_regular};
 use videofields_recording::store::restore::{self, Replace, Restoring};
 use videofields_recording::store::{self, AUDIT_RESTORE, SignedHead};
 use videofields_recording::telemetry::{self, LogFormat};
 use videofields_vision::clock::{Clock, SystemClock};
 use videofields_vision::config::Config;
+
+/// Most bytes of what stands beside a copy; `backup` writes some thousand.
+const MAX_MANIFEST_BYTES: u64 = 1 << 20;
 
 /// Puts a copy that `backup` made in the place of the daemon's database.
 ///
@@ -61,6 +66,7 @@ impl Restore {
     fn put(&self, copy: &Path, config: &Config) -> Result<()> {
         let storage = &config.settings().storage;
         let database = storage.database.as_path();
+        refuse_irregular(copy)?;
         check_manifest(copy).or_else(|error| {
             if !self.force {
                 return Err(error.context("the copy is not as it was made; `--force` takes it all the same"));
@@ -110,17 +116,46 @@ fn tell_aside(aside: &[PathBuf]) -> Result<()> {
     aside.iter().try_for_each(|path| super::say(&format!("put aside: {}", path.display())))
 }
 
+/// Refuses a copy that is a link, folder, device or pipe, and one beside which such a thing stands in place of what `backup` writes.
+fn refuse_irregular(copy: &Path) -> Result<()> {
+    for path in [copy.to_owned(), manifest_path(copy)] {
+        match irregular(&path) {
+            Ok(None) => {}
+            Ok(Some(what)) => bail!("{} is {what}, and only files are restored", path.display()),
+            Err(error) if error.kind() == ErrorKind::NotFound => {}
+            Err(error) => {
+                return Err(error).with_context(|| format!("cannot look at {}", path.display()));
+            }
+        }
+    }
+    Ok(())
+}
+
 /// Whether a copy is what stands beside it; one that nothing stands beside is looked at all the same when it is restored.
 fn check_manifest(copy: &Path) -> Result<()> {
     let path = manifest_path(copy);
-    let text = match std::fs::read(&path) {
-        Ok(text) => text,
-        Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(()),
-        Err(error) => return Err(error).with_context(|| format!("cannot read {}", path.display())),
+    let cannot_read = || format!("cannot read {}", path.display());
+    let (file, bytes) = match open_regular(&path) {
+        Err(error) if error.kind() == ErrorKind::NotFound => return Ok(()),
+        opened => opened.with_context(cannot_read)?,
     };
+    if bytes > MAX_MANIFEST_BYTES {
+        bail!("{} has {bytes} bytes; at most {MAX_MANIFEST_BYTES} stand beside a copy", path.display());
+    }
+    let mut text = Vec::new();
+    file.take(MAX_MANIFEST_BYTES).read_to_end(&mut text).with_context(cannot_read)?;
     let unreadable = || format!("{} is not what stands beside a copy", path.display());
     let manifest: Manifest = serde_json::from_slice(&text).with_context(unreadable)?;
-    let found = FileNote::of(copy).with_context(|| format!("cannot read {}", copy.display()))?;
+    let cannot_read = || format!("cannot read {}", copy.display());
+    let (file, bytes) = open_regular(copy).with_context(cannot_read)?;
+    let Some(announced) = manifest.database.file.bytes else {
+        bail!("{} does not say how many bytes {} has", path.display(), copy.display());
+    };
+    // Asked before any of it is read.
+    if bytes != announced {
+        bail!("{} has {bytes} bytes, and {} says {announced}", copy.display(), path.display());
+    }
+    let found = FileNote::read(file.take(bytes), copy).with_context(cannot_read)?;
     if found.sha256 != manifest.database.file.sha256 {
         bail!("{} has another digest than {} says", copy.display(), path.display());
     }

@@ -50,6 +50,16 @@ pub enum StoreError {
         /// The database's file.
         path: PathBuf,
     },
+    /// The note of what was being put in a database's place says what no restore does.
+    #[error(
+        "this is no note that a restore left ({reason}), and nothing is renamed by it: {}", note.display()
+    )]
+    StrangeNote {
+        /// The note.
+        note: PathBuf,
+        /// What is strange about it.
+        reason: String,
+    },
     /// There is nothing to be gone on with or taken back.
     #[error("no copy was being put in the database's place: {}", path.display())]
     NothingBrokenOff {
@@ -192,7 +202,8 @@ impl StoreError {
             | Self::Unreadable { .. }
             | Self::NotADatabase { .. }
             | Self::Foreign { .. }
-            | Self::LogAlone { .. } => ErrorKind::Invalid,
+            | Self::LogAlone { .. }
+            | Self::StrangeNote { .. } => ErrorKind::Invalid,
             Self::NoDatabase { .. } | Self::NothingBrokenOff { .. } => ErrorKind::NotFound,
             Self::RestoreBrokenOff { .. } | Self::InUse { .. } | Self::InTheWay { .. } => ErrorKind::Conflict,
             Self::NetworkFileSystem { .. } | Self::NewerSchema { .. } | Self::OtherSchema { .. } => {

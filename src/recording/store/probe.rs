@@ -6,10 +6,12 @@
 //! on it (fcntl(2)).
 
 use super::StoreError;
+use rustix::fs::OFlags;
 use rustix::process::{Flock, FlockOffsetType, FlockType, fcntl_getlk};
 use std::ffi::OsString;
-use std::fs::File;
+use std::fs::{File, OpenOptions};
 use std::io::{ErrorKind, Read};
+use std::os::unix::fs::OpenOptionsExt;
 use std::path::{Path, PathBuf};
 
 /// What every SQLite file begins with: <https://www.sqlite.org/fileformat.html>, section 1.3.
@@ -52,6 +54,45 @@ pub fn beside(path: &Path, suffix: &str) -> PathBuf {
     let mut name = OsString::from(path);
     name.push(suffix);
     PathBuf::from(name)
+}
+
+/// Tells what stands at `path` itself where that is no regular file; opens nothing, and follows no link.
+///
+/// # Errors
+/// When nothing stands there, or the system does not let it.
+pub fn irregular(path: &Path) -> std::io::Result<Option<&'static str>> {
+    let kind = std::fs::symlink_metadata(path)?.file_type();
+    Ok(if kind.is_file() {
+        None
+    } else if kind.is_symlink() {
+        Some("a symbolic link")
+    } else if kind.is_dir() {
+        Some("a directory")
+    } else {
+        Some("a device, pipe or socket")
+    })
+}
+
+/// Opens a regular file to be read, and tells its bytes; anything else is refused without being opened.
+///
+/// # Errors
+/// As [`irregular`]; when it is no regular file, or cannot be read.
+pub fn open_regular(path: &Path) -> std::io::Result<(File, u64)> {
+    let refused = |what: &str| std::io::Error::new(ErrorKind::InvalidInput, format!("this is {what}"));
+    if let Some(what) = irregular(path)? {
+        return Err(refused(what));
+    }
+    // Whatever has taken its place since is neither followed nor waited for.
+    let file = unwaited(OFlags::NOFOLLOW).open(path)?;
+    let metadata = file.metadata()?;
+    if metadata.is_file() { Ok((file, metadata.len())) } else { Err(refused("no file any more")) }
+}
+
+/// Opens files to be read, and waits for nobody who would write to a pipe.
+fn unwaited(flags: OFlags) -> OpenOptions {
+    let mut options = OpenOptions::new();
+    options.read(true).custom_flags((flags | OFlags::NONBLOCK).bits().cast_signed());
+    options
 }
 
 /// Looks at the place of a database; opens nothing but its first bytes, and changes nothing.
@@ -126,7 +167,7 @@ impl Probe {
 pub fn holder(path: &Path) -> Result<Option<i32>, StoreError> {
     for (file, (start, length)) in [(path.to_owned(), FILE_LOCKS), (beside(path, "-shm"), INDEX_LOCKS)] {
         let unreadable = |reason: String| StoreError::Unreadable { path: file.clone(), reason };
-        let opened = match File::open(&file) {
+        let opened = match unwaited(OFlags::empty()).open(&file) {
             Ok(opened) => opened,
             Err(error) if error.kind() == ErrorKind::NotFound => continue,
             Err(error) => return Err(unreadable(error.to_string())),

@@ -5,17 +5,20 @@
 //! note is there nobody opens the database ([`StoreError::RestoreBrokenOff`]), and [`finish`] or [`undo`] do what it says.
 //! What was there before is kept beside it, under a name with the time.
 
+#[cfg(any(test, feature = "fuzzing"))]
+pub(crate) mod fuzzing;
+
 use super::StoreError;
 use super::audit::{AuditEntry, note_in};
 use super::audit_base::{base, is_vouched, removal_notice};
 use super::copy::{Contents, Depth, ReadOnly, copy, remove_if_there, verify};
 use super::open::{open_alone, take_turn};
-use super::probe::{Standing, beside, holder, probe};
+use super::probe::{Standing, beside, holder, irregular, open_regular, probe};
 use crate::signing::SigningKey;
 use serde::{Deserialize, Serialize};
 use sqlx::Connection;
 use std::fs::{File, Metadata};
-use std::io::Write;
+use std::io::{ErrorKind, Read, Write};
 use std::ops::ControlFlow;
 use std::os::unix::fs::{MetadataExt, OpenOptionsExt, PermissionsExt};
 use std::path::{Path, PathBuf};
@@ -26,6 +29,12 @@ const COPY: &str = ".restoring";
 
 /// The note of what is to be renamed.
 const NOTE: &str = ".restore-note";
+
+/// Most bytes of a note; those that are written have some hundred.
+const MAX_NOTE_BYTES: usize = 64 << 10;
+
+/// Stands between the name of a database and the time at which it was put aside.
+const BEFORE: &str = ".before-";
 
 /// What belongs to a database, in the order in which it is put aside: the database itself last.
 const PARTS: [&str; 4] = ["-wal", "-shm", "-journal", ""];
@@ -79,17 +88,63 @@ pub struct Restored {
 }
 
 /// Names of files in the database's folder.
-#[derive(Debug, Serialize, Deserialize)]
+#[derive(Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 struct Note {
     /// From and to, in order.
     aside: Vec<(String, String)>,
 }
 
+impl Note {
+    /// Reads the note of a database of that name; else why it is none. Whatever it says, nothing but the parts of that database is
+    /// renamed, and within its folder.
+    fn read(text: &[u8], name: &str) -> Result<Self, String> {
+        if text.len() > MAX_NOTE_BYTES {
+            return Err(format!("it has more than {MAX_NOTE_BYTES} bytes"));
+        }
+        let note: Self = serde_json::from_slice(text).map_err(|error| error.to_string())?;
+        let mut bases = Vec::new();
+        for (n, (was, now)) in note.aside.iter().enumerate() {
+            let part = was.strip_prefix(name).filter(|part| !name.is_empty() && PARTS.contains(part));
+            let part = part.ok_or_else(|| format!("name {} is of no part of the database", n + 1))?;
+            if note.aside[..n].iter().any(|(before, _)| before == was) {
+                return Err(format!("name {} is there twice", n + 1));
+            }
+            let base = now.strip_suffix(part).filter(|base| is_put_aside(base, name));
+            bases.push(base.ok_or_else(|| format!("name {} gets a name of something else", n + 1))?);
+        }
+        if bases.iter().any(|base| base != &bases[0]) {
+            return Err("the parts of the database get different names".to_owned());
+        }
+        Ok(note)
+    }
+}
+
+/// Whether a database of that name is put aside under `base`: `NAME.before-TIME`, with a number behind it where that was taken.
+fn is_put_aside(base: &str, name: &str) -> bool {
+    let time = base.strip_prefix(name).and_then(|rest| rest.strip_prefix(BEFORE)).unwrap_or_default();
+    !time.is_empty() && time.bytes().all(|byte| byte.is_ascii_alphanumeric() || byte == b'-')
+}
+
+/// Refuses a copy that is no regular file, and one beside which something else stands than the log that SQLite would look for.
+fn refuse_irregular(copy: &Path) -> Result<(), StoreError> {
+    for path in PARTS.map(|part| beside(copy, part)) {
+        match irregular(&path) {
+            Ok(None) => {}
+            Ok(Some(what)) => return Err(StoreError::NotADatabase { path, what }),
+            // That there is no copy is told when it is looked at.
+            Err(error) if error.kind() == ErrorKind::NotFound => {}
+            Err(error) => return Err(StoreError::Unreadable { path, reason: error.to_string() }),
+        }
+    }
+    Ok(())
+}
+
 /// Puts a copy in the place of a database.
 ///
 /// # Errors
-/// When a process has the database open, there is a good one that may not be put aside, or the copy is damaged, another
-/// program's, or newer than this program; the database is as it was then. When a file cannot be renamed: as
+/// When a process has the database open, there is a good one that may not be put aside, or the copy is no regular file, damaged,
+/// another program's, or newer than this program; the database is as it was then. When a file cannot be renamed: as
 /// [`StoreError::RestoreBrokenOff`] says.
 pub async fn restore(asked: Restoring<'_>, now: Timestamp) -> Result<Restored, StoreError> {
     restore_in_steps(asked, now, &mut |_step| ControlFlow::Continue(())).await
@@ -105,6 +160,7 @@ pub async fn restore_in_steps(
     now: Timestamp,
     at: &mut (dyn FnMut(Step) -> ControlFlow<()> + Send),
 ) -> Result<Restored, StoreError> {
+    refuse_irregular(asked.from)?;
     let place = Place::of(asked.database)?;
     let _turn = take_turn(&place.folder, &place.path).await?;
     refuse_interrupted(&place.path)?;
@@ -132,7 +188,7 @@ pub async fn restore_in_steps(
 /// Goes on with what broke off; what was put aside. The database is the copy then.
 ///
 /// # Errors
-/// When nothing broke off, a process has the database open, or a file cannot be renamed.
+/// When nothing broke off, its note says what no restore does, a process has the database open, or a file cannot be renamed.
 pub async fn finish(database: &Path) -> Result<Vec<PathBuf>, StoreError> {
     let place = Place::of(database)?;
     let _turn = take_turn(&place.folder, &place.path).await?;
@@ -144,7 +200,7 @@ pub async fn finish(database: &Path) -> Result<Vec<PathBuf>, StoreError> {
 /// Takes back what broke off: the database is as it was before.
 ///
 /// # Errors
-/// When nothing broke off, a process has the database open, or a file cannot be renamed.
+/// As [`finish`].
 pub async fn undo(database: &Path) -> Result<(), StoreError> {
     let place = Place::of(database)?;
     let _turn = take_turn(&place.folder, &place.path).await?;
@@ -168,7 +224,7 @@ pub async fn undo(database: &Path) -> Result<(), StoreError> {
 pub(super) fn refuse_interrupted(path: &Path) -> Result<(), StoreError> {
     match std::fs::symlink_metadata(beside(path, NOTE)) {
         Ok(_) => Err(StoreError::RestoreBrokenOff { path: path.to_owned() }),
-        Err(error) if error.kind() == std::io::ErrorKind::NotFound => Ok(()),
+        Err(error) if error.kind() == ErrorKind::NotFound => Ok(()),
         Err(error) => Err(StoreError::Unreadable { path: path.to_owned(), reason: error.to_string() }),
     }
 }
@@ -342,7 +398,7 @@ impl Place {
         let mut n = 0_u32;
         let base = loop {
             let again = if n == 0 { String::new() } else { format!("-{n}") };
-            let base = format!("{name}.before-{time}{again}");
+            let base = format!("{name}{BEFORE}{time}{again}");
             let taken = PARTS.iter().map(|part| self.is_there(&self.folder.join(format!("{base}{part}"))));
             if !taken.collect::<Result<Vec<_>, _>>()?.contains(&true) {
                 break base;
@@ -363,7 +419,7 @@ impl Place {
     fn write_note(&self, note: &Note) -> std::io::Result<()> {
         let part = beside(&self.path, ".restore-note.part");
         let mut file =
-            std::fs::OpenOptions::new().write(true).create(true).truncate(true).mode(0o600).open(&part)?;
+            std::fs::OpenOptions::new().write(true).create_new(true).mode(0o600).open(&part)?;
         file.write_all(serde_json::to_string(note)?.as_bytes())?;
         file.sync_all()?;
         std::fs::rename(&part, beside(&self.path, NOTE))?;
@@ -371,11 +427,17 @@ impl Place {
     }
 
     fn read_note(&self) -> Result<Note, StoreError> {
-        let text = std::fs::read_to_string(beside(&self.path, NOTE)).map_err(|error| match error.kind() {
-            std::io::ErrorKind::NotFound => StoreError::NothingBrokenOff { path: self.path.clone() },
-            _ => self.failed(&error),
+        let note = beside(&self.path, NOTE);
+        let strange = |reason| StoreError::StrangeNote { note: note.clone(), reason };
+        let (file, _) = open_regular(&note).map_err(|error| match error.kind() {
+            ErrorKind::NotFound => StoreError::NothingBrokenOff { path: self.path.clone() },
+            _ => strange(error.to_string()),
         })?;
-        serde_json::from_str(&text).map_err(|error| self.failed(&error.into()))
+        let mut text = Vec::new();
+        let read = file.take(MAX_NOTE_BYTES as u64 + 1).read_to_end(&mut text);
+        read.map_err(|error| self.failed(&error))?;
+        let name = self.path.file_name().and_then(|name| name.to_str()).unwrap_or_default();
+        Note::read(&text, name).map_err(strange)
     }
 
     fn remove_note(&self) -> Result<(), StoreError> {
@@ -407,7 +469,11 @@ impl Place {
     }
 
     fn is_there(&self, path: &Path) -> Result<bool, StoreError> {
-        path.try_exists().map_err(|error| self.failed(&error))
+        match std::fs::symlink_metadata(path) {
+            Ok(_) => Ok(true),
+            Err(error) if error.kind() == ErrorKind::NotFound => Ok(false),
+            Err(error) => Err(self.failed(&error)),
+        }
     }
 
     /// Renames a file, on the disk when it returns; nothing may stand at `to`.

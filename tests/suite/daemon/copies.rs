@@ -148,3 +148,64 @@ fn another_s_lock_and_a_place_that_cannot_be_written_are_told() {
     check_refused(&mut command("backup", &config, &["--out", nowhere.to_str().unwrap()]), "nowhere");
     assert_eq!(std::fs::metadata(&copy).unwrap().len() % 512, 0);
 }
+
+#[test]
+fn only_a_file_of_as_many_bytes_as_are_announced_is_restored() {
+    let folder = TempDir::new().unwrap();
+    let config = demo(folder.path());
+    succeed(videofields().arg("user").arg(&config).args(["list"]));
+    let place = |name: &str| folder.path().join(name);
+    let named = |name: &str| place(name).to_str().unwrap().to_owned();
+    let pipe = |name: &str| assert!(Command::new("mkfifo").arg(place(name)).status().unwrap().success());
+    succeed(&mut command("backup", &config, &["--out", &named("copy.sqlite")]));
+    let text = std::fs::read_to_string(place("copy.sqlite.json")).unwrap();
+    let manifest: Value = serde_json::from_str(&text).unwrap();
+    let n_bytes = std::fs::metadata(place("copy.sqlite")).unwrap().len();
+    assert_eq!(manifest["database"]["bytes"], n_bytes);
+    let (as_it_is, forced) = (["--force"; 0].as_slice(), ["--force"].as_slice());
+    let check = |name: &str, options: &[&str], expected: &str| {
+        let arguments: Vec<&str> = options.iter().copied().chain([name]).collect();
+        check_refused(&mut command("restore", &config, &arguments), expected);
+    };
+    // Nothing of what is no file is opened, whatever is forced.
+    std::os::unix::fs::symlink(place("copy.sqlite"), place("link.sqlite")).unwrap();
+    pipe("pipe.sqlite");
+    std::fs::create_dir(place("folder.sqlite")).unwrap();
+    for name in ["link.sqlite", "pipe.sqlite", "folder.sqlite"] {
+        std::fs::write(place(&format!("{name}.json")), &text).unwrap();
+    }
+    std::fs::copy(place("copy.sqlite"), place("second.sqlite")).unwrap();
+    std::os::unix::fs::symlink(place("copy.sqlite.json"), place("second.sqlite.json")).unwrap();
+    std::fs::copy(place("copy.sqlite"), place("third.sqlite")).unwrap();
+    pipe("third.sqlite.json");
+    for options in [as_it_is, forced] {
+        check(&named("link.sqlite"), options, "link.sqlite is a symbolic link");
+        check(&named("pipe.sqlite"), options, "pipe.sqlite is a device, pipe or socket");
+        check(&named("folder.sqlite"), options, "folder.sqlite is a directory");
+        check(&named("second.sqlite"), options, "second.sqlite.json is a symbolic link");
+        check(&named("third.sqlite"), options, "third.sqlite.json is a device, pipe or socket");
+        check("/dev/zero", options, "/dev/zero is a device, pipe or socket");
+    }
+    // More than is announced is not read, nor less taken for it.
+    let copy = named("copy.sqlite");
+    std::fs::remove_file(place("kept.sqlite")).unwrap();
+    for said in [n_bytes - 1, n_bytes + 1] {
+        let mut other = manifest.clone();
+        other["database"]["bytes"] = said.into();
+        // The digest is as announced: only the length is not.
+        std::fs::write(place("copy.sqlite.json"), other.to_string()).unwrap();
+        check(&copy, as_it_is, &format!("copy.sqlite has {n_bytes} bytes, and "));
+        check(&copy, as_it_is, &format!("says {said}"));
+    }
+    let mut silent = manifest.clone();
+    silent["database"]["bytes"] = Value::Null;
+    std::fs::write(place("copy.sqlite.json"), silent.to_string()).unwrap();
+    check(&copy, as_it_is, "does not say how many bytes");
+    std::fs::write(place("copy.sqlite.json"), format!("{text}{}", " ".repeat(1 << 20))).unwrap();
+    check(&copy, as_it_is, "at most 1048576 stand beside a copy");
+    let taken = succeed(&mut command("restore", &config, &["--force", &copy]));
+    assert!(taken.stderr.contains("warning: "), "{}", taken.stderr);
+    std::fs::write(place("copy.sqlite.json"), &text).unwrap();
+    std::fs::remove_file(place("kept.sqlite")).unwrap();
+    succeed(&mut command("restore", &config, &[&copy]));
+}

@@ -7,6 +7,7 @@ use sqlx::{Connection, SqliteConnection};
 use std::ops::ControlFlow;
 use std::os::unix::fs::{MetadataExt, PermissionsExt};
 use std::path::{Path, PathBuf};
+use std::process::Command;
 use videofields_recording::store::probe::{Standing, beside, probe};
 use videofields_recording::store::restore::{self, Replace, Restored, Restoring, Step};
 use videofields_recording::store::{self, AuditEntry, Depth, ReadOnly, SCHEMA_VERSION, Store, StoreError};
@@ -372,4 +373,125 @@ async fn it_is_given_to_whom_the_old_one_belonged() {
     let owner = std::fs::metadata(&path).unwrap();
     assert_eq!((owner.uid(), owner.gid()), (4711, 4712));
     assert_eq!(probe(&path).unwrap().standing, Standing::Database);
+}
+
+/// A pipe that nobody writes to.
+fn pipe(path: &Path) {
+    assert!(Command::new("mkfifo").arg(path).status().unwrap().success());
+}
+
+fn names(folder: &Path) -> Vec<PathBuf> {
+    let mut names: Vec<_> =
+        std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path()).collect();
+    names.sort();
+    names
+}
+
+#[tokio::test]
+async fn a_copy_that_is_no_file_is_refused_by_name_and_never_waited_for() {
+    let folder = folder();
+    let place = |name: &str| folder.path().join(name);
+    database(&place("copy.sqlite"), 2).await;
+    std::os::unix::fs::symlink(place("copy.sqlite"), place("link.sqlite")).unwrap();
+    pipe(&place("pipe.sqlite"));
+    std::fs::create_dir(place("folder.sqlite")).unwrap();
+    for name in ["journal.sqlite", "log.sqlite"] {
+        std::fs::copy(place("copy.sqlite"), place(name)).unwrap();
+    }
+    pipe(&place("journal.sqlite-journal"));
+    std::os::unix::fs::symlink("/dev/zero", place("log.sqlite-wal")).unwrap();
+    let home = place("home");
+    std::fs::create_dir(&home).unwrap();
+    let path = home.join("a.sqlite");
+    let check = async |name: &str, of: &str, what: &str| {
+        let error = restored(&place(name), &path, Replace::Anything).await.expect_err(name);
+        let (said, of) = (error.to_string(), place(of).display().to_string());
+        assert_eq!(error.kind(), ErrorKind::Invalid, "{error}");
+        assert!(said.contains(what) && said.ends_with(&of), "{name}: {error}");
+        assert_eq!(names(&home), Vec::<PathBuf>::new(), "{name}");
+    };
+    check("link.sqlite", "link.sqlite", "a symbolic link").await;
+    check("pipe.sqlite", "pipe.sqlite", "a device, pipe or socket").await;
+    check("folder.sqlite", "folder.sqlite", "a directory").await;
+    check("journal.sqlite", "journal.sqlite-journal", "a device, pipe or socket").await;
+    check("log.sqlite", "log.sqlite-wal", "a symbolic link").await;
+    let nothing = restored(&place("nothing.sqlite"), &path, Replace::Anything).await.unwrap_err();
+    assert!(matches!(nothing, StoreError::NoDatabase { .. }), "{nothing}");
+    // Nor is a pipe waited for that stands in the database's place.
+    pipe(&path);
+    let error = restored(&place("copy.sqlite"), &path, Replace::Anything).await.unwrap_err();
+    assert!(error.to_string().contains("a device, pipe or socket"), "{error}");
+    std::fs::remove_file(&path).unwrap();
+    // A link that leads nowhere yet is put aside, or the new database's log would be written where it leads.
+    let away = place("away");
+    std::os::unix::fs::symlink(&away, beside(&path, "-wal")).unwrap();
+    let done = restored(&place("copy.sqlite"), &path, Replace::Anything).await.unwrap();
+    assert!(done.aside.iter().any(|path| path.to_string_lossy().ends_with("-wal")), "{:?}", done.aside);
+    assert_eq!(n_scenes(&path).await, 2);
+    assert!(!away.try_exists().unwrap());
+}
+
+#[tokio::test]
+async fn a_note_that_no_restore_wrote_renames_nothing() {
+    let folder = folder();
+    let copy = folder.path().join("copy.sqlite");
+    database(&copy, 2).await;
+    let home = tempfile::tempdir().unwrap();
+    let path = home.path().join("a.sqlite");
+    killed(&path).await;
+    std::fs::write(home.path().join("other"), "another's").unwrap();
+    let mut breaks_off = |step| match step {
+        Step::Noted => ControlFlow::Break(()),
+        _ => ControlFlow::Continue(()),
+    };
+    restore::restore_in_steps(anything(&copy, &path), at(0), &mut breaks_off).await.unwrap_err();
+    let note = beside(&path, ".restore-note");
+    let good = std::fs::read_to_string(&note).unwrap();
+    let aside = |pairs: &str| format!("{{\"aside\":[{pairs}]}}");
+    let odd = [
+        aside(r#"["../other","a.sqlite.before-1"]"#),
+        aside(r#"["other","a.sqlite.before-1"]"#),
+        aside(r#"["/etc/hostname","a.sqlite.before-1"]"#),
+        aside(r#"["a.sqlite-other","a.sqlite.before-1-other"]"#),
+        aside(r#"["a.sqlite","../a.sqlite.before-1"]"#),
+        aside(r#"["a.sqlite","a.sqlite.before-/../../a"]"#),
+        aside(r#"["a.sqlite","a.sqlite.before-.."]"#),
+        aside(r#"["a.sqlite","a.sqlite.before-"]"#),
+        aside(r#"["a.sqlite","other"]"#),
+        aside(r#"["a.sqlite-wal","a.sqlite.before-1"]"#),
+        aside(r#"["a.sqlite","a.sqlite.before-1"],["a.sqlite","a.sqlite.before-1"]"#),
+        aside(r#"["a.sqlite-wal","a.sqlite.before-1-wal"],["a.sqlite","a.sqlite.before-2"]"#),
+        good.replace("{\"aside\"", "{\"more\":1,\"aside\""),
+        format!("{good}{}", " ".repeat(64 << 10)),
+        String::new(),
+    ];
+    let check = async |what: &str| {
+        let before = names(home.path());
+        for error in [restore::finish(&path).await.unwrap_err(), restore::undo(&path).await.unwrap_err()] {
+            assert_eq!(error.kind(), ErrorKind::Invalid, "{what}: {error}");
+            let said = error.to_string();
+            assert!(said.contains("nothing is renamed") && said.ends_with(".restore-note"), "{what}: {error}");
+        }
+        assert_eq!(names(home.path()), before, "{what}");
+        assert!(matches!(Store::open(&path).await, Err(StoreError::RestoreBrokenOff { .. })));
+    };
+    for text in odd {
+        std::fs::write(&note, &text).unwrap();
+        check(&text[..text.len().min(100)]).await;
+    }
+    std::fs::write(home.path().join("good"), &good).unwrap();
+    std::fs::remove_file(&note).unwrap();
+    std::os::unix::fs::symlink(home.path().join("good"), &note).unwrap();
+    check("a link").await;
+    std::fs::remove_file(&note).unwrap();
+    pipe(&note);
+    check("a pipe").await;
+    std::fs::remove_file(&note).unwrap();
+    std::fs::create_dir(&note).unwrap();
+    check("a folder").await;
+    std::fs::remove_dir(&note).unwrap();
+    std::fs::write(&note, &good).unwrap();
+    restore::undo(&path).await.unwrap();
+    assert_eq!(n_scenes(&path).await, 5, "its own note is carried out");
+    assert_eq!(std::fs::read(home.path().join("other")).unwrap(), b"another's");
 }
