@@ -9,3 +9,6 @@ pub mod occupancy;
 pub mod fuse;
 
 pub mod plan;
+
+#[cfg(any(test, feature = "fuzzing"))]
+pub mod fuzzing;

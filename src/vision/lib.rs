@@ -48,3 +48,6 @@ pub mod fields;
 pub mod effects;
 
 pub mod measures;
+
+#[cfg(any(test, feature = "fuzzing"))]
+pub mod fuzzing;

@@ -8,6 +8,8 @@ mod document;
 mod effects;
 mod effects_document;
 pub mod exchange;
+#[cfg(any(test, feature = "fuzzing"))]
+pub(crate) mod fuzzing;
 mod import;
 mod json;
 mod model;

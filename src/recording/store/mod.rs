@@ -49,6 +49,8 @@ pub use error::StoreError;
 pub use migrate::SCHEMA_VERSION;
 pub use open::{file_system_of, is_network_file_system};
 pub use privacy::PrivacyRecord;
+#[cfg(any(test, feature = "fuzzing"))]
+pub(crate) use restore::fuzzing;
 pub use retention::AgeLimits;
 pub use scene::{SceneEntry, SceneRecord};
 pub use segment::{SegmentRecord, SegmentState};

@@ -418,8 +418,7 @@ impl Place {
 
     fn write_note(&self, note: &Note) -> std::io::Result<()> {
         let part = beside(&self.path, ".restore-note.part");
-        let mut file =
-            std::fs::OpenOptions::new().write(true).create_new(true).mode(0o600).open(&part)?;
+        let mut file = std::fs::OpenOptions::new().write(true).create_new(true).mode(0o600).open(&part)?;
         file.write_all(serde_json::to_string(note)?.as_bytes())?;
         file.sync_all()?;
         std::fs::rename(&part, beside(&self.path, NOTE))?;

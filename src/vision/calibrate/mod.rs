@@ -14,6 +14,8 @@
 //! | `tsai` | PETS's XML | at integers | millimetres unless told otherwise |
 
 mod correspondence;
+#[cfg(any(test, feature = "fuzzing"))]
+pub(crate) mod fuzzing;
 mod json;
 mod opencv;
 mod picture_set;

@@ -12,6 +12,8 @@ mod document;
 mod environment;
 mod error;
 mod feed;
+#[cfg(any(test, feature = "fuzzing"))]
+pub(crate) mod fuzzing;
 mod made;
 mod network;
 mod resolution;

@@ -20,6 +20,9 @@
 //! JPEG. A mask is run lengths, row after row of the rectangle, in LEB128, alternately of background and of what moves, the
 //! first of background.
 
+#[cfg(any(test, feature = "fuzzing"))]
+pub(crate) mod fuzzing;
+
 use super::{EncodeError, jpeg_yuv};
 use crate::clock::Timestamp;
 use crate::frame::{Mask, YuvImage};
@@ -30,7 +33,8 @@ const MAGIC: &[u8; 4] = b"VFG1";
 const HEADER_BYTES: usize = 40;
 const RECTANGLE_BYTES: usize = 24;
 
-/// Most pixels of a rectangle that is read: more than any camera has.
+/// Most pixels of all rectangles of a message together that are read, more than any camera has: each takes a byte of memory, and
+/// millions of them a few bytes of a message.
 const MAX_PIXELS: usize = 1 << 26;
 
 /// The value of pixels that move, in a hard mask.
@@ -104,18 +108,23 @@ pub fn foreground_message(
     for MovingRectangle { rect, track } in moving {
         let Some(rect) = grown(*rect, [frame.width(), frame.height()]) else { continue };
         let (mask, jpeg) = (runs(labels, rect), jpeg_yuv(&frame.cropped(rect), quality)?);
-        for side in rect {
-            body.extend_from_slice(&(side as u16).to_be_bytes());
-        }
-        body.extend_from_slice(&track.unwrap_or(0).to_be_bytes());
-        for piece in [&mask, &jpeg] {
-            body.extend_from_slice(&(piece.len() as u32).to_be_bytes());
-        }
-        body.extend_from_slice(&mask);
-        body.extend_from_slice(&jpeg);
+        write_part(&mut body, &MovingRectangle { rect, track: *track }, &mask, &jpeg);
         n += 1;
     }
     Ok(begun(header, 2, n, &body))
+}
+
+/// Writes a rectangle with the run lengths of its mask and its JPEG.
+fn write_part(body: &mut Vec<u8>, of: &MovingRectangle, mask: &[u8], jpeg: &[u8]) {
+    for side in of.rect {
+        body.extend_from_slice(&(side as u16).to_be_bytes());
+    }
+    body.extend_from_slice(&of.track.unwrap_or(0).to_be_bytes());
+    for piece in [mask, jpeg] {
+        body.extend_from_slice(&(piece.len() as u32).to_be_bytes());
+    }
+    body.extend_from_slice(mask);
+    body.extend_from_slice(jpeg);
 }
 
 fn begun(header: &ForegroundHeader, kind: u8, n_rectangles: u32, body: &[u8]) -> Vec<u8> {
@@ -145,9 +154,14 @@ fn grown([x, y, width, height]: [u32; 4], [columns, rows]: [u32; 2]) -> Option<[
 /// Run lengths of what moves in a rectangle.
 fn runs(labels: &Mask, [x, y, width, height]: [u32; 4]) -> Vec<u8> {
     let rows = (y..y + height).map(|row| &labels.row(row)[x as usize..(x + width) as usize]);
+    run_lengths(rows.flatten().map(|value| *value == MOVES))
+}
+
+/// Lengths of runs, alternately of what does not move and of what does.
+fn run_lengths(moves: impl Iterator<Item = bool>) -> Vec<u8> {
     let (mut bytes, mut is_moving, mut length) = (Vec::new(), false, 0_u32);
-    for value in rows.flatten() {
-        if (*value == MOVES) != is_moving {
+    for moves in moves {
+        if moves != is_moving {
             write_number(&mut bytes, length);
             (is_moving, length) = (!is_moving, 0);
         }
@@ -165,7 +179,8 @@ fn write_number(bytes: &mut Vec<u8>, mut number: u32) {
     bytes.push(number as u8);
 }
 
-/// Takes a message apart; none where it is none, or not whole.
+/// Takes a message apart; none where it is none or not whole, where a rectangle lies outside the picture, and where all rectangles
+/// together have more pixels than any camera.
 #[must_use]
 pub fn read_foreground(message: &[u8]) -> Option<ForegroundMessage<'_>> {
     let mut rest = Reader(message);
@@ -184,7 +199,8 @@ pub fn read_foreground(message: &[u8]) -> Option<ForegroundMessage<'_>> {
         1 => Some(ForegroundMessage::Background(header, body.0)),
         2 => {
             let fits = n_rectangles as usize * RECTANGLE_BYTES <= n_bytes;
-            let parts = (0..n_rectangles).map(|_| part(&mut body));
+            let mut n_left = MAX_PIXELS;
+            let parts = (0..n_rectangles).map(|_| part(&mut body, header.size_px, &mut n_left));
             let parts: Vec<_> = fits.then(|| parts.collect::<Option<_>>())??;
             Some(ForegroundMessage::Foreground(header, parts))
         }
@@ -192,16 +208,19 @@ pub fn read_foreground(message: &[u8]) -> Option<ForegroundMessage<'_>> {
     }
 }
 
-fn part<'a>(body: &mut Reader<'a>) -> Option<ForegroundPart<'a>> {
+/// Reads a rectangle of a picture; `n_left` pixels are left to it and those that follow.
+fn part<'a>(body: &mut Reader<'a>, size_px: [u16; 2], n_left: &mut usize) -> Option<ForegroundPart<'a>> {
     let mut side = || body.u16().map(u32::from);
-    let rect @ [_, _, width, height] = [side()?, side()?, side()?, side()?];
+    let rect @ [x, y, width, height] = [side()?, side()?, side()?, side()?];
+    let [columns, rows] = size_px.map(u32::from);
+    if x + width > columns || y + height > rows {
+        return None;
+    }
     let track = Some(body.u64()?).filter(|track| *track != 0);
     let (n_mask, n_jpeg) = (body.u32()? as usize, body.u32()? as usize);
     let mut lengths = Reader(body.take(n_mask)?);
     let n_pixels = width as usize * height as usize;
-    if n_pixels > MAX_PIXELS {
-        return None;
-    }
+    *n_left = n_left.checked_sub(n_pixels)?;
     let (mut mask, mut is_moving) = (Vec::with_capacity(n_pixels), false);
     while !lengths.0.is_empty() {
         let end = mask.len() + lengths.number()?;
@@ -322,6 +341,43 @@ mod tests {
             error_sum += errors.sum::<u32>();
         }
         assert!(n_moving > 500 && error_sum < 6 * n_moving, "{error_sum} over {n_moving} codes");
+    }
+
+    #[test]
+    fn a_short_message_does_not_stand_for_more_pixels_than_a_camera_has() {
+        let of = |n: u32, [width, height]: [u16; 2]| {
+            let (mut body, n_pixels) = (Vec::new(), u32::from(width) * u32::from(height));
+            let mut lengths = Vec::new();
+            write_number(&mut lengths, n_pixels);
+            let rect = [0, 0, u32::from(width), u32::from(height)];
+            for _ in 0..n {
+                write_part(&mut body, &MovingRectangle { rect, track: None }, &lengths, &[]);
+            }
+            begun(&ForegroundHeader { size_px: [width, height], ..header(1) }, 2, n, &body)
+        };
+        // Each of them is read alone.
+        assert!(read_foreground(&of(1, [8192, 8192])).is_some());
+        assert!(read_foreground(&of(4, [4096, 4096])).is_some());
+        assert_eq!(read_foreground(&of(5, [4096, 4096])), None, "more than a camera has together");
+        let many = of(1000, [8192, 8192]);
+        assert!(many.len() < 30_000);
+        assert_eq!(read_foreground(&many), None);
+    }
+
+    #[test]
+    fn what_lies_outside_the_picture_is_no_rectangle() {
+        let of = |rect: [u32; 4]| {
+            let mut body = Vec::new();
+            write_part(
+                &mut body,
+                &MovingRectangle { rect, track: None },
+                &[rect[2] as u8 * rect[3] as u8],
+                &[],
+            );
+            read_foreground(&begun(&header(1), 2, 1, &body)).is_some()
+        };
+        assert!(of([60, 44, 4, 4]) && of([0, 48, 9, 0]));
+        assert!(!of([62, 44, 4, 4]) && !of([60, 46, 4, 4]) && !of([65_535, 0, 1, 1]));
     }
 
     #[test]

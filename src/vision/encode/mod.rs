@@ -14,6 +14,9 @@ pub use foreground::{
 };
 pub use jpeg::{jpeg, jpeg_yuv};
 
+#[cfg(any(test, feature = "fuzzing"))]
+pub(crate) use foreground::fuzzing;
+
 use crate::error::ErrorKind;
 
 /// The file formats of pictures.

@@ -162,7 +162,7 @@ fn only_a_file_of_as_many_bytes_as_are_announced_is_restored() {
     let manifest: Value = serde_json::from_str(&text).unwrap();
     let n_bytes = std::fs::metadata(place("copy.sqlite")).unwrap().len();
     assert_eq!(manifest["database"]["bytes"], n_bytes);
-    let (as_it_is, forced) = (["--force"; 0].as_slice(), ["--force"].as_slice());
+    let (as_it_is, forced): (&[&str], &[&str]) = (&[], &["--force"]);
     let check = |name: &str, options: &[&str], expected: &str| {
         let arguments: Vec<&str> = options.iter().copied().chain([name]).collect();
         check_refused(&mut command("restore", &config, &arguments), expected);

@@ -381,8 +381,7 @@ fn pipe(path: &Path) {
 }
 
 fn names(folder: &Path) -> Vec<PathBuf> {
-    let mut names: Vec<_> =
-        std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path()).collect();
+    let mut names: Vec<_> = std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path()).collect();
     names.sort();
     names
 }
@@ -470,7 +469,10 @@ async fn a_note_that_no_restore_wrote_renames_nothing() {
         for error in [restore::finish(&path).await.unwrap_err(), restore::undo(&path).await.unwrap_err()] {
             assert_eq!(error.kind(), ErrorKind::Invalid, "{what}: {error}");
             let said = error.to_string();
-            assert!(said.contains("nothing is renamed") && said.ends_with(".restore-note"), "{what}: {error}");
+            assert!(
+                said.contains("nothing is renamed") && said.ends_with(".restore-note"),
+                "{what}: {error}"
+            );
         }
         assert_eq!(names(home.path()), before, "{what}");
         assert!(matches!(Store::open(&path).await, Err(StoreError::RestoreBrokenOff { .. })));
