@@ -5,7 +5,7 @@ use super::SceneError;
 use serde::de::{DeserializeSeed, Deserializer, MapAccess, SeqAccess, Visitor};
 use serde_json::{Map, Number, Value};
 use std::fmt;
-use videofields_vision::error::{Fault, Gatherer, pointer_to};
+use videofields_vision::error::{Fault, Gatherer, MAX_FAULTS, pointer_to};
 
 /// The tree of a whole document.
 ///
@@ -25,7 +25,7 @@ pub(super) fn tree_within(
         return Err(SceneError::TooLarge { bytes: text.len() as u64 });
     }
     let mut deserializer = serde_json::Deserializer::from_str(text);
-    Tree { place: String::new(), gatherer }
+    Tree { place: &Place::Whole, gatherer }
         .deserialize(&mut deserializer)
         .and_then(|tree| deserializer.end().map(|()| tree))
         .map_err(|error| SceneError::Faults(vec![Fault::new("", complain(text, &error))]))
@@ -44,9 +44,27 @@ fn complain(text: &str, error: &serde_json::Error) -> String {
     format!("line {line}, column {column}: not JSON: {said}{hint}")
 }
 
+/// A place in the document; written as a pointer only where something is wrong there, or a long key would be written once for each value
+/// within it.
+enum Place<'a> {
+    Whole,
+    Key(&'a Self, &'a str),
+    Index(&'a Self, usize),
+}
+
+impl Place<'_> {
+    fn pointer(&self) -> String {
+        match self {
+            Self::Whole => String::new(),
+            Self::Key(within, key) => pointer_to(&within.pointer(), key),
+            Self::Index(within, index) => format!("{}/{index}", within.pointer()),
+        }
+    }
+}
+
 /// The tree at one place.
 struct Tree<'a> {
-    place: String,
+    place: &'a Place<'a>,
     gatherer: &'a mut Gatherer,
 }
 
@@ -92,8 +110,8 @@ impl<'de> Visitor<'de> for Tree<'_> {
     fn visit_seq<A: SeqAccess<'de>>(self, mut elements: A) -> Result<Value, A::Error> {
         let mut values = Vec::new();
         loop {
-            let place = format!("{}/{}", self.place, values.len());
-            match elements.next_element_seed(Tree { place, gatherer: self.gatherer })? {
+            let place = Place::Index(self.place, values.len());
+            match elements.next_element_seed(Tree { place: &place, gatherer: self.gatherer })? {
                 Some(value) => values.push(value),
                 None => return Ok(Value::Array(values)),
             }
@@ -103,12 +121,33 @@ impl<'de> Visitor<'de> for Tree<'_> {
     fn visit_map<A: MapAccess<'de>>(self, mut entries: A) -> Result<Value, A::Error> {
         let mut values = Map::new();
         while let Some(key) = entries.next_key::<String>()? {
-            let place = pointer_to(&self.place, &key);
-            let value = entries.next_value_seed(Tree { place: place.clone(), gatherer: self.gatherer })?;
-            if values.insert(key, value).is_some() {
-                self.gatherer.fault(place, "this key is written twice");
+            let place = Place::Key(self.place, &key);
+            let value = entries.next_value_seed(Tree { place: &place, gatherer: self.gatherer })?;
+            if values.contains_key(&key) && self.gatherer.faults().len() < MAX_FAULTS {
+                self.gatherer.fault(place.pointer(), "this key is written twice");
             }
+            values.insert(key, value);
         }
         Ok(Value::Object(values))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::time::Duration;
+    use videofields_vision::clock::{Clock, SystemClock};
+
+    #[test]
+    fn a_long_key_does_not_take_the_square_of_its_length() {
+        let (key, zeros) = ("k".repeat(1_500_000), "0,".repeat(1_000_000));
+        let text = format!(r#"{{"{key}": [{zeros}{{"a/b": 1, "a/b": 2}}]}}"#);
+        let clock = SystemClock::new();
+        let mut gatherer = Gatherer::default();
+        let tree = tree(&text, &mut gatherer).unwrap();
+        assert!(clock.monotonic() < Duration::from_secs(10), "{:?}", clock.monotonic());
+        assert_eq!(tree[&key].as_array().map(Vec::len), Some(1_000_001));
+        let [fault] = gatherer.faults() else { panic!("one fault") };
+        assert_eq!(fault.place, format!("/{key}/1000000/a~1b"));
     }
 }

@@ -17,6 +17,20 @@ pub(super) fn parse(text: &str) -> Result<Document<'_>, CalibrateError> {
     })
 }
 
+/// Ends of a text's lines: to count them anew for each element would cost the square of the text's length.
+pub(super) struct Lines(Vec<usize>);
+
+impl Lines {
+    pub(super) fn of(text: &str) -> Self {
+        Self(text.bytes().enumerate().filter(|(_, byte)| *byte == b'\n').map(|(at, _)| at).collect())
+    }
+
+    /// Line of an element, from 1.
+    pub(super) fn at(&self, node: Node<'_, '_>) -> usize {
+        self.0.partition_point(|end| *end < node.range().start) + 1
+    }
+}
+
 /// Line of an element, from 1.
 pub(super) fn line_of(node: Node<'_, '_>) -> u32 {
     node.document().text_pos_at(node.range().start).row

@@ -4,12 +4,17 @@ use super::MAX_FILE_BYTES;
 use super::error::{ConfigError, ConfigFault, Origin, dotted};
 use crate::error::{Fault, MAX_FAULTS, pointer_to};
 use serde_json::{Map, Value};
+use std::borrow::Cow;
 use std::collections::HashMap;
 use std::io::Read;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
+
+/// Longest pointer within which values have places of their own; no setting's is half as long. Whatever stands deeper has the place of what
+/// is around it: a short text with a long key would take gigabytes of pointers.
+const MAX_POINTER_BYTES: usize = 256;
 
 /// A parsed file.
 #[derive(Debug)]
@@ -121,11 +126,20 @@ impl Document {
         ConfigFault { origin: origin_at(&self.file, &self.text, span.start), path: dotted(place), message }
     }
 
+    /// Notes where a value within `place` was written, and returns its pointer.
+    fn noted<'a>(&mut self, place: &'a str, key: &str, span: Range<usize>) -> Cow<'a, str> {
+        if place.len() > MAX_POINTER_BYTES {
+            return Cow::Borrowed(place);
+        }
+        let pointer = pointer_to(place, key);
+        self.origins.insert(pointer.clone(), Written::Bytes(span));
+        Cow::Owned(pointer)
+    }
+
     fn table(&mut self, table: DeTable<'_>, place: &str, faults: &mut Vec<ConfigFault>) -> Value {
         let mut values = Map::new();
         for (key, value) in table {
-            let pointer = pointer_to(place, key.get_ref());
-            self.origins.insert(pointer.clone(), Written::Bytes(key.span()));
+            let pointer = self.noted(place, key.get_ref(), key.span());
             let value = self.value(value, &pointer, faults);
             values.insert(key.into_inner().into_owned(), value);
         }
@@ -139,8 +153,7 @@ impl Document {
             DeValue::Array(elements) => {
                 let mut values = Vec::new();
                 for (i, element) in elements.into_iter().enumerate() {
-                    let pointer = format!("{place}/{i}");
-                    self.origins.insert(pointer.clone(), Written::Bytes(element.span()));
+                    let pointer = self.noted(place, &i.to_string(), element.span());
                     values.push(self.value(element, &pointer, faults));
                 }
                 Value::Array(values)
@@ -182,5 +195,22 @@ fn origin_at(file: &Path, text: &str, byte: usize) -> Origin {
         file: file.to_owned(),
         line: before.bytes().filter(|byte| *byte == b'\n').count() + 1,
         column: before[line_start..].chars().count() + 1,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_long_key_does_not_take_the_square_of_its_length() {
+        let text = format!("\"{}\" = [{}]\n[a]\nb = [1]\n", "k".repeat(10_000), "0,".repeat(10_000));
+        let document = Document::parse(&text, Path::new("a.toml")).unwrap();
+        let n_bytes: usize = document.origins.keys().map(String::len).sum();
+        assert!(n_bytes < 2 * text.len(), "{n_bytes} of pointers for {} of text", text.len());
+        let of = |place: &str| document.locate(&Fault::new(place, "x")).to_string();
+        let deep = of(&format!("/{}/7", "k".repeat(10_000)));
+        assert!(deep.starts_with("a.toml:1:1: "), "{}", &deep[..20]);
+        assert_eq!(of("/a/b/0"), "a.toml:3:6: a.b[0]: x");
     }
 }

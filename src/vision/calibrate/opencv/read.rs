@@ -5,7 +5,7 @@
 
 use super::node::{Content, Node};
 use crate::calibrate::CalibrateError;
-use crate::calibrate::xml::{line_of, parse};
+use crate::calibrate::xml::{Lines, parse};
 use crate::error::Fault;
 use saphyr_parser::{Event, Parser};
 
@@ -58,19 +58,19 @@ fn from_json(value: serde_json::Value, depth: usize) -> Result<Node, CalibrateEr
 
 fn xml(text: &str) -> Result<Node, CalibrateError> {
     let document = parse(text)?;
-    from_xml(document.root_element(), 0)
+    from_xml(document.root_element(), &Lines::of(document.input_text()), 0)
 }
 
 /// An element with elements is a map, or a list where they are `FileStorage`'s `_`; any other is its text.
-fn from_xml(element: roxmltree::Node<'_, '_>, depth: usize) -> Result<Node, CalibrateError> {
+fn from_xml(element: roxmltree::Node<'_, '_>, lines: &Lines, depth: usize) -> Result<Node, CalibrateError> {
     if depth > MAX_DEPTH {
         return Err(too_deep());
     }
-    let line = Some(line_of(element) as usize);
+    let line = Some(lines.at(element));
     let mut members = element
         .children()
         .filter(roxmltree::Node::is_element)
-        .map(|child| Ok((child.tag_name().name().to_owned(), from_xml(child, depth + 1)?)))
+        .map(|child| Ok((child.tag_name().name().to_owned(), from_xml(child, lines, depth + 1)?)))
         .collect::<Result<Vec<_>, CalibrateError>>()?;
     let content = if members.is_empty() {
         Content::Scalar(element.text().unwrap_or_default().trim().to_owned())

@@ -2,8 +2,10 @@
 
 use super::*;
 use crate::calibrate;
+use crate::clock::{Clock, SystemClock};
 use crate::error::ErrorKind;
 use proptest::prelude::*;
+use std::time::Duration;
 
 const YAML: &str = "%YAML:1.0
 ---
@@ -223,4 +225,13 @@ proptest! {
             prop_assert!(imported.residual_px.is_none_or(f64::is_finite));
         }
     }
+}
+
+#[test]
+fn many_elements_behind_a_long_text_are_read_in_a_moment() {
+    let text = format!("<a><!--{}-->\n{}<K>\n1</K></a>", "x".repeat(3_000_000), "<b/>".repeat(90_000));
+    let clock = SystemClock::new();
+    let error = import(&text, &options(None, None, None)).expect_err("no camera");
+    assert!(error.to_string().contains("(line 2)"), "{error}");
+    assert!(clock.monotonic() < Duration::from_secs(10), "{:?}", clock.monotonic());
 }
