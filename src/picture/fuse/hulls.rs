@@ -437,6 +437,15 @@ mod tests {
     }
 
     #[test]
+    fn a_camera_that_sees_two_parts_of_somebody_is_one_of_their_cameras() {
+        let mut seen = entity(&[(DVec2::Y, [-0.3, 0.3]), (DVec2::X, [-0.3, 0.3]), (DVec2::X, [-0.1, 0.1])]);
+        for (source, camera_idx) in seen.sources.iter_mut().zip([1, 4, 4]) {
+            source.camera_idx = camera_idx;
+        }
+        assert_eq!(seen.cameras().collect::<Vec<_>>(), [1, 4]);
+    }
+
+    #[test]
     fn bounds_lie_where_all_cameras_may_have_it() {
         // Who sits, feet at the origin and the back at y = 0.8, is narrow from the front and long from the side.
         let seated = [(DVec2::Y, [-0.25, 0.25]), (DVec2::NEG_X, [-0.1, 0.8])];

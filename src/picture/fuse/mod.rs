@@ -188,11 +188,19 @@ pub struct Entity {
     pub reach_m: Option<f64>,
     /// Its height, metres: what whole sources say, or said of late, or else the tallest there is.
     pub height_m: f64,
-    /// One billboard for each camera that sees it, in the order of cameras; never empty.
+    /// A billboard for each camera that sees it, and more where a camera sees a part of it by itself, in the order of cameras; never empty.
     pub sources: Vec<Billboard>,
 }
 
 impl Entity {
+    /// Returns the cameras that see it (indices into [`SceneState::cameras`]), each once, in their order.
+    pub fn cameras(&self) -> impl Iterator<Item = usize> {
+        let is_first = |(place, of): &(usize, &Billboard)| {
+            self.sources[..*place].iter().all(|other| other.camera_idx != of.camera_idx)
+        };
+        self.sources.iter().enumerate().filter(is_first).map(|(_, of)| of.camera_idx)
+    }
+
     /// Returns the place at which one of its `sources` is drawn: the entity's own, of which that camera's view of its foot is but one; of
     /// an entity with no other source, and of one that is seen [in parts](Self::is_seen_in_parts), that view's.
     #[must_use]

@@ -113,7 +113,7 @@ fn named(subject: &Subject, Decided { state, plan, decision }: Decided) -> Plann
         PlannedEntity {
             foot_in_world: entity.foot_in_world,
             shown_from: id(entity.sources[planned.source].camera_idx),
-            seen_by: entity.sources.iter().map(|source| id(source.camera_idx)).collect(),
+            seen_by: entity.cameras().map(id).collect(),
         }
     };
     let opened = |of: &Opened| {

@@ -192,11 +192,11 @@ pub fn present_in(state: &SceneState) -> Vec<PresentEntity> {
 }
 
 fn present(state: &SceneState, entity: &Entity) -> PresentEntity {
-    let camera = |source: &fuse::Billboard| state.cameras[source.camera_idx].id.clone();
+    let id = |camera_idx: usize| state.cameras[camera_idx].id.clone();
     PresentEntity {
         id: entity.id,
         foot_in_world: entity.foot_in_world,
         height_m: entity.height_m,
-        seen_by: entity.sources.iter().map(camera).collect(),
+        seen_by: entity.cameras().map(id).collect(),
     }
 }
