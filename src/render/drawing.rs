@@ -200,7 +200,7 @@ impl Renderer {
     /// pieces, where [`Drawing::may_pause`]: the picture is the same.
     ///
     /// # Errors
-    /// Cameras' pictures too large for the device, or what the device reports: after a loss ([`GpuError::is_lost`]) the renderer must be
+    /// Cameras' pictures too large for the device, or what the device reports: after a loss ([`is_lost`](crate::gpu::GpuError::is_lost)) the renderer must be
     /// made anew, after anything else it can go on. A drawing that failed is begun anew.
     pub fn go_on(
         &mut self,

@@ -10,7 +10,7 @@ use super::shared::Shared;
 use super::view::SourceTime;
 use glam::DVec3;
 use std::sync::{Arc, Mutex, PoisonError};
-use videofields_picture::fuse::{self, Entity, SceneState};
+use videofields_picture::fuse::{Entity, SceneState};
 use videofields_picture::scene::Scene;
 use videofields_vision::clock::Timestamp;
 use videofields_vision::frame::CameraId;
