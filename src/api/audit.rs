@@ -208,7 +208,7 @@ pub(super) async fn note(
         }
         return response;
     }
-    // What was refused showed nothing; of a flood of wrong requests the metrics tell.
+    // A refused request showed nothing; metrics tell of a flood of them.
     let is_shown = status.is_success() || status == StatusCode::SWITCHING_PROTOCOLS;
     let Some(looks) = looks::of_route(line.route()).filter(|_| is_shown) else { return response };
     let is_past = looks == Looks::Past || span.is_some();

@@ -145,7 +145,7 @@ pub(super) async fn spared(
         return None;
     }
     let asked = request.clone();
-    // What is wrong with the request is told by drawing it.
+    // Drawing tells what is wrong with the request.
     let identity = api.ask("looking for a picture", move |door| door.identity(&asked)).await.ok()?;
     let instant = identity.instant();
     api.spared(&had, &Key::View(Arc::new(identity), format, finish.clone()), (moment, instant))

@@ -78,7 +78,7 @@ impl Drawing {
             part: 0,
             cursor: Cursor::default(),
             is_first: true,
-            // What cameras lend goes on from picture to picture of a session: another one between two pieces would show in the second.
+            // A session's texture fields go on from picture to picture: another one between two pieces would show in the second.
             may_pause: plan.followed.is_none() || forms.iter().all(|form| *form == FieldsForm::Off),
             gathered: None,
         }
@@ -242,7 +242,7 @@ impl Renderer {
             FieldsForm::Off => None,
             _ => self.hull_meshes.of(state, plan),
         };
-        // What the device does not hold as a mesh is drawn as without fields.
+        // A mesh that the device cannot hold is drawn as without fields.
         let hulls = hulls.filter(|mesh| mesh.check(&self.gpu).is_ok());
         self.turn = TURNS.fetch_add(1, Ordering::Relaxed);
         let (turn, stand) = (self.turn, None);

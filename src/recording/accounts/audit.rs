@@ -61,7 +61,7 @@ struct Noted {
     /// The time at which it was begun, monotonic.
     since: Duration,
     progress: watch::Receiver<Progress>,
-    /// The same since, where it is counted.
+    /// Number of repetitions since, where they are counted.
     more: Option<Box<More>>,
 }
 
@@ -183,7 +183,7 @@ impl Audit {
             noted.clear();
         }
         let mut entry = entry();
-        words.iter().for_each(|word| tell(&mut entry.target, word));
+        words.iter().for_each(|word| append_word(&mut entry.target, word));
         let (sender, progress) = watch::channel(Progress::OnItsWay);
         noted.insert(once, Noted { since: now, progress: progress.clone(), more: None });
         (Some(Ticket { store: self.store.clone(), progress: sender, entry }), progress)
@@ -206,7 +206,7 @@ impl Audit {
             is_recent
         });
         for More { n, mut entry } in counted.into_iter().map(|more| *more) {
-            tell(&mut entry.target, &again(n));
+            append_word(&mut entry.target, &again(n));
             entry.at = at;
             self.append(&entry).await?;
         }
@@ -241,7 +241,7 @@ fn again(n: u64) -> String {
 }
 
 /// Adds a word to what stands behind a target's `#`.
-fn tell(target: &mut String, word: &str) {
+fn append_word(target: &mut String, word: &str) {
     target.push(if target.contains('#') { '&' } else { '#' });
     target.push_str(word);
 }

@@ -485,7 +485,7 @@ impl Store {
         let is_good = !was_signed || is_vouched(&mut transaction, path, &base, &known).await?;
         // Later starts do not know the key that vouched for it.
         let base = Some(base).filter(|base| takes_over.is_some() && is_good && base.number > 0);
-        // Where the one before signs that, the newest signature is to be of the one that signs from now on.
+        // The newest signature is to be of the key that signs from now on, also where the one before signs the change.
         let is_handed_over = takes_over.as_ref().is_some_and(|(_, signer)| signer.public() != key.public());
         told.extend(takes_over);
         told.extend(

@@ -57,7 +57,7 @@ pub enum StoreError {
     StrangeNote {
         /// The note.
         note: PathBuf,
-        /// What is strange about it.
+        /// Fault of the note, in words.
         reason: String,
     },
     /// There is nothing to be gone on with or taken back.

@@ -120,7 +120,7 @@ impl Note {
     }
 }
 
-/// Whether a database of that name is put aside under `base`: `NAME.before-TIME`, with a number behind it where that was taken.
+/// Returns true where a database of that name is put aside under `base`: `NAME.before-TIME`, with a number behind it where that was taken.
 fn is_put_aside(base: &str, name: &str) -> bool {
     let time = base.strip_prefix(name).and_then(|rest| rest.strip_prefix(BEFORE)).unwrap_or_default();
     !time.is_empty() && time.bytes().all(|byte| byte.is_ascii_alphanumeric() || byte == b'-')

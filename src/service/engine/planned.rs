@@ -91,7 +91,7 @@ impl Shared {
             subject.state(&observations, (&mut own, &mut Remembered::default()), (&self.overlaps, sequences))
         };
         let deadline = subject.deadline.map(|(deadline, _)| deadline);
-        // As for somebody who has nothing else waiting.
+        // The wait is that of somebody who has nothing else waiting.
         let waits = self.queue.retry_after(&Flow::Common);
         let left = || {
             let drawing = deadline.map_or(Duration::MAX, |of| of.total.saturating_sub(of.reserve));

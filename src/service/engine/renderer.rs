@@ -358,7 +358,7 @@ impl<'a> RenderThread<'a> {
         let turn = clock.monotonic().saturating_sub(began);
         let Some(progress) = outcome else { return Ok(Step::GivenUp) };
         paused.spent += turn;
-        // What deciding took belongs to the first turn.
+        // The first turn bears the time of deciding.
         shared.queue.note_drawn(if paused.n_turns == 0 { paused.spent } else { turn });
         paused.n_turns += 1;
         if progress == Progress::MoreToDraw {

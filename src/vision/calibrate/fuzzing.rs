@@ -8,7 +8,7 @@ use crate::geometry::Camera;
 use glam::DVec2;
 use std::collections::HashSet;
 
-/// How far a turn that was normalised twice may be from one that was normalised once.
+/// Greatest distance between a turn that was normalised twice and one that was normalised once.
 const TURN_SLACK: f64 = 1e-12;
 
 /// Reads calibrations of one camera and of several in every format, named and told from the text: what is found are cameras of finite

@@ -21,7 +21,7 @@ const MAX_PATH_BYTES: usize = 4096;
 /// Reads a configuration: it has faults, each in a place that is there and told in one line, or settings within their bounds that are
 /// taken once more as they are.
 ///
-/// What follows a byte of zero are variables of the environment, `NAME=VALUE` each on a line.
+/// Variables of the environment follow a byte of zero, `NAME=VALUE` each on a line.
 pub fn configuration(data: &[u8]) -> usize {
     let text = String::from_utf8_lossy(data);
     let (text, variables) = text.split_once('\0').unwrap_or((&text, ""));

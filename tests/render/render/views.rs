@@ -288,7 +288,7 @@ fn a_picture_that_others_interrupt_is_the_same_to_the_byte() {
         let plan = plan::make(&state, &whole, brush.wishes(style));
         assert_eq!(check_interrupted(&mut brush, &state, (&whole, &plan)), 4, "{style:?}");
     }
-    // Of several parts.
+    // It has several parts.
     let ends = (v(-1.0, -4.0, 5.0), v(0.0, 6.0, 2.0));
     let panorama = Picture::panorama(ends, TAU, 1.2, (320, 70), &LIMITS).expect("a panorama");
     let plan = plan::make(&state, &panorama, brush.wishes(EntityStyle::Billboards));

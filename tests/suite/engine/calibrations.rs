@@ -157,7 +157,7 @@ fn a_calibration_is_replaced_while_the_engine_runs_and_stays_so() {
         };
         audit["entries"].as_array().unwrap().iter().filter(is_it).count()
     };
-    // What was only tried changed nothing, and is not noted; of refusals of one kind the first is.
+    // A trial changed nothing and is not noted; the first refusal of a kind is.
     assert_eq!((noted(200), noted(412)), (1, 1), "{audit}");
     assert!(!audit.to_string().contains("validate_only"), "{audit}");
 

@@ -38,7 +38,7 @@ fn seen_from(place: f64, (width_px, height_px): (u32, u32)) -> ViewRequest {
     }
 }
 
-/// Of several pieces.
+/// Asks for a view of several pieces.
 fn large(place: f64) -> ViewRequest {
     seen_from(place, (3000, 2000))
 }
@@ -98,7 +98,7 @@ fn a_users_small_views_wait_for_a_piece_of_anothers_large_ones_and_not_for_all_o
         assert!(n_before <= 2, "small view {idx} waited for {n_before} large ones");
         assert!(n_turns <= 3, "small view {idx} waited for {n_turns} turns");
     }
-    // What was interrupted is what it is undisturbed.
+    // An interrupted picture is the same as an undisturbed one.
     let disturbed = bench.runtime.spawn({
         let greedy = greedy.clone();
         async move { greedy.view(large(-9.0)).await }

@@ -183,7 +183,7 @@ fn admins_alone_lift_holds_and_remove_what_another_made() {
     let audit = house.audit();
     for line in [
         format!("both PATCH {ALL}/{{id}} {sealed} 403"),
-        // Of refusals of one kind the first.
+        // The log names the first refusal of a kind.
         format!("both DELETE {ALL}/{{id}} {sealed} 403"),
         format!("root PATCH {ALL}/{{id}} {own}#hold=false 200"),
         format!("both DELETE {ALL}/{{id}} {own} 204"),

@@ -456,7 +456,7 @@ async fn retention_does_not_hide_that_a_beginning_was_taken_away() {
     let told = last(&store, 2).await;
     assert_eq!(told[0], (AUDIT_CHANGED.to_owned(), gone(3)));
     assert!(told[1].1.starts_with("entries up to 7 are removed"), "{told:?}");
-    // From then on there is nothing to tell.
+    // Nothing is told after that.
     assert_eq!(store.shorten_audit(at(70), at(80)).await.unwrap().unwrap().0, 9);
     store.check_whole_audit(at(80)).await.unwrap();
     assert_eq!((store.audit_state().n_faults, last(&store, 1).await.len()), (1, 1));

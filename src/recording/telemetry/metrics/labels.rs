@@ -189,7 +189,7 @@ pub enum ViewRefusal {
     QueueFull,
     /// The pictures that waited already take too many bytes.
     QueueBytes,
-    /// As many pictures of the user waited as are their share.
+    /// The user has as many waiting pictures as their share allows.
     UserShare,
     /// The user's pictures that waited already take as many bytes as are their share.
     UserBytes,

@@ -161,7 +161,7 @@ fn picture() -> Result<ViewAnswer, EngineError> {
     })
 }
 
-fn told(answer: &mut Answer) -> Option<Result<ViewAnswer, EngineError>> {
+fn answer_of(answer: &mut Answer) -> Option<Result<ViewAnswer, EngineError>> {
     answer.try_recv().ok()
 }
 
@@ -184,13 +184,13 @@ fn who_asks_for_what_waits_takes_no_place_and_shares_the_picture() {
     let mut answers: Vec<Answer> = (0..15).map(|_| bench.ask(7)).collect();
     bench.pass(2);
     assert_eq!((bench.next(), bench.next()), (Some(7), None), "one picture");
-    // What is in hand is of an earlier moment: the next one is another picture.
+    // The picture in hand is of an earlier moment: the next one is another picture.
     let mut later = bench.ask(7);
     bench.finish();
     let origins: Vec<Origin> = answers
         .iter_mut()
         .map(|answer| {
-            let answer = told(answer).expect("answered").expect("a picture");
+            let answer = answer_of(answer).expect("answered").expect("a picture");
             assert_eq!(answer.timings[0], ("wait", Duration::from_secs(2)));
             answer.origin
         })
@@ -198,13 +198,13 @@ fn who_asks_for_what_waits_takes_no_place_and_shares_the_picture() {
     assert_eq!(origins[0], Origin::Drawn);
     assert!(origins[1..].iter().all(|origin| *origin == Origin::Shared));
     assert_eq!(bench.metrics.render_shared.get(), 14);
-    assert!(told(&mut later).is_none());
+    assert!(answer_of(&mut later).is_none());
     // Unless it turns out to be the same.
     let waiting = bench.queue.waiting();
     assert_eq!(waiting.len(), 1);
     bench.queue.take_along(bench.job.get(), &[waiting[0].0]);
     bench.finish();
-    assert!(told(&mut later).is_some_and(|answer| answer.is_ok()));
+    assert!(answer_of(&mut later).is_some_and(|answer| answer.is_ok()));
 }
 
 #[test]
@@ -229,7 +229,7 @@ fn a_full_queue_refuses_at_once_and_says_when_to_ask_again() {
     assert_eq!(bench.n_refused(ViewRefusal::QueueFull), 2);
     bench.queue.note_down_for(Duration::from_secs(20));
     refused(20);
-    // Who joins what waits needs no room; who left makes some.
+    // A caller who joins a waiting picture needs no room; one who left makes some.
     let _joined = bench.ask(2);
     drop(answers);
     let _fifth = bench.ask(5);
@@ -247,15 +247,15 @@ fn who_waited_too_long_is_refused_and_not_drawn() {
     bench.pass(3);
     // The first one's time is up while it is drawn; another waits for the same picture.
     assert!(bench.is_wanted());
-    let late = told(&mut first).expect("refused").expect_err("late");
+    let late = answer_of(&mut first).expect("refused").expect_err("late");
     assert!(matches!(late, EngineError::Late { stage: LateStage::Drawing, .. }), "{late}");
     assert_eq!(late.to_string(), "no picture within 8.0 s: it is still being drawn");
     assert!(late.retry_after().is_some_and(|after| after > Duration::ZERO));
-    assert!(told(&mut same).is_none() && told(&mut second).is_none());
+    assert!(answer_of(&mut same).is_none() && answer_of(&mut second).is_none());
     bench.pass(5);
     assert!(!bench.is_wanted(), "a drawing for nobody may stop");
-    assert!(told(&mut same).is_some_and(|answer| answer.is_err()));
-    let late = told(&mut second).expect("refused").expect_err("late");
+    assert!(answer_of(&mut same).is_some_and(|answer| answer.is_err()));
+    let late = answer_of(&mut second).expect("refused").expect_err("late");
     assert!(matches!(late, EngineError::Late { stage: LateStage::Waiting, .. }), "{late}");
     assert_eq!((bench.next(), bench.n_refused(ViewRefusal::Late)), (None, 3));
     bench.finish();
@@ -309,7 +309,7 @@ fn a_closed_queue_takes_nothing_and_what_waits_is_still_drawn() {
     assert!(matches!(bench.try_ask(1), Err(EngineError::Unavailable(_))));
     assert_eq!(bench.next(), Some(1));
     bench.finish();
-    assert!(told(&mut answer).is_some_and(|answer| answer.is_ok()));
+    assert!(answer_of(&mut answer).is_some_and(|answer| answer.is_ok()));
     assert_eq!(bench.queue.next(Duration::from_secs(60)), Next::End);
     bench.queue.refuse_late();
 }
@@ -322,8 +322,8 @@ fn the_late_are_refused_though_nobody_draws() {
     bench.pass(9);
     // Ends, since nobody is left.
     bench.queue.refuse_late();
-    assert!(told(&mut one).is_some_and(|answer| answer.is_err()));
-    assert!(told(&mut two).is_some_and(|answer| answer.is_err()));
+    assert!(answer_of(&mut one).is_some_and(|answer| answer.is_err()));
+    assert!(answer_of(&mut two).is_some_and(|answer| answer.is_err()));
 }
 
 /// One user asks for large pictures again and again; another's small one waited for all of them.
@@ -344,8 +344,8 @@ fn a_users_small_picture_waits_for_one_piece_of_anothers_large_ones() {
         assert!(bench.turn(&mut drawn, 5).is_some_and(|width| width >= LARGE.0));
         let mut answer = bench.ask_by(&owner, (SMALL.0 + idx, SMALL.1)).expect("there is room");
         assert_eq!(bench.turn(&mut drawn, 5), Some(SMALL.0 + idx), "the next turn of all");
-        assert!(told(&mut answer).is_some_and(|answer| answer.is_ok()));
-        asked.retain_mut(|answer| told(answer).is_none());
+        assert!(answer_of(&mut answer).is_some_and(|answer| answer.is_ok()));
+        asked.retain_mut(|answer| answer_of(answer).is_none());
         while asked.len() < 6 {
             asked.push(ask_large());
         }
@@ -360,7 +360,7 @@ fn users_with_much_to_draw_get_equal_time() {
     let mut n_turns = [0_u32; 2];
     let mut asked = Vec::new();
     for idx in 0..200 {
-        asked.retain_mut(|answer: &mut (u32, Answer)| told(&mut answer.1).is_none());
+        asked.retain_mut(|answer: &mut (u32, Answer)| answer_of(&mut answer.1).is_none());
         // One picture at a time, and eight.
         for (flow, most, from) in [(&one, 1, 0), (&many, 8, 1)] {
             while asked.iter().filter(|(of, _)| *of == from).count() < most {
@@ -400,7 +400,7 @@ fn a_user_gets_a_share_of_the_places_and_of_the_bytes_and_is_told_so() {
     let _other = bench.ask_by(&other, (99, 9)).expect("there is room for others");
     let refused_of = |reason| bench.n_refused(reason);
     assert_eq!((refused_of(ViewRefusal::UserShare), refused_of(ViewRefusal::QueueFull)), (2, 0));
-    // Who leaves gives the place back.
+    // A caller who leaves gives the place back.
     drop(held);
     bench.ask_by(&greedy, (100, 9)).expect("there is room again");
 
@@ -425,7 +425,7 @@ fn who_waits_for_what_another_user_waits_for_too_waits_for_no_more_of_theirs() {
     bench.turn(&mut drawn, 5);
     let mut same = bench.ask_by(&owner, (LARGE.0 + 5, LARGE.1)).expect("there is room");
     let mut turns = 0;
-    while told(&mut same).is_none() {
+    while answer_of(&mut same).is_none() {
         assert!(bench.turn(&mut drawn, 5).is_some());
         turns += 1;
     }

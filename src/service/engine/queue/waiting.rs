@@ -40,7 +40,7 @@ impl Hand {
 impl Place {
     /// A place for a picture that is drawn with so many samples where it asks for none.
     pub(super) fn new(id: PlaceId, request: ViewRequest, caller: Caller, samples: u32) -> Self {
-        // What is wrong with the request is told by drawing it.
+        // Drawing tells what is wrong with the request.
         let settings = request.effort.settings(request.style, samples);
         let size_px = (request.width_px, request.height_px);
         let n_pieces = settings.map_or(1, |settings| expected_pieces(size_px, settings.sampling));
