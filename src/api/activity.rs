@@ -101,7 +101,7 @@ pub(super) async fn show(Asked(api): Asked, RawQuery(raw): RawQuery) -> Result<R
     let step_secs = step_secs.next_multiple_of(STEP_SECS);
     let cameras = asked(&api, named);
     let steps = check(span, step_secs, cameras.len())?;
-    let found = api.ask("looking back", move |door| {
+    let found = api.compute("looking back", move |door| {
         let until = span.1.saturating_add_nanos(-1);
         let of = |camera: CameraId| {
             let records = door.activity(camera.as_str(), (span.0, until), step_secs / STEP_SECS)?;

@@ -80,6 +80,23 @@ pub(super) fn of_log_in(peer: Option<IpAddr>, headers: &HeaderMap, trusted: &[Ne
     of(peer, headers, trusted).map(network_of)
 }
 
+/// Tells that a proxy of `trusted` says that it was asked over HTTPS, in `Forwarded` or `X-Forwarded-Proto`; the last word is the nearest
+/// proxy's own.
+pub(super) fn is_encrypted(peer: Option<IpAddr>, headers: &HeaderMap, trusted: &[Network]) -> bool {
+    let is_trusted = |address: IpAddr| trusted.iter().any(|network| network.contains(address.to_canonical()));
+    let last = |name: &str| {
+        let line = headers.get_all(name).iter().next_back()?.to_str().ok()?;
+        line.rsplit(',').next().map(|part| part.trim().to_owned())
+    };
+    let noted = last("forwarded").and_then(|element| {
+        let pairs = element.split(';').filter_map(|pair| pair.trim().split_once('='));
+        let mut of = pairs.filter(|(name, _)| name.eq_ignore_ascii_case("proto"));
+        of.next().map(|(_, scheme)| scheme.trim_matches('"').to_owned())
+    });
+    let scheme = noted.or_else(|| last("x-forwarded-proto"));
+    peer.is_some_and(is_trusted) && scheme.is_some_and(|scheme| scheme.eq_ignore_ascii_case("https"))
+}
+
 /// Returns what stands for all addresses that one caller has.
 pub(super) fn network_of(address: IpAddr) -> IpAddr {
     match address.to_canonical() {
@@ -140,6 +157,31 @@ mod tests {
         assert_eq!(found("127.0.0.1", &[], &[]).unwrap(), "127.0.0.1");
         assert_eq!(found("::1", &forwarded, &["::1"]).unwrap(), "1.2.3.4");
         assert_eq!(of(None, &HeaderMap::new(), &[]), None);
+    }
+
+    #[test]
+    fn a_trusted_proxy_tells_that_it_was_asked_over_https() {
+        let told = |peer: &str, name: &str, value: &str| {
+            let headers = HeaderMap::from_iter([(name.parse().unwrap(), value.parse().unwrap())]);
+            is_encrypted(Some(peer.parse().unwrap()), &headers, &["10.0.0.0/8".parse().unwrap()])
+        };
+        for (name, value) in [
+            ("x-forwarded-proto", "https"),
+            ("x-forwarded-proto", "http, HTTPS"),
+            ("forwarded", "for=1.2.3.4;proto=https"),
+            ("forwarded", "proto=http, for=\"[::1]\"; Proto=\"https\""),
+        ] {
+            assert!(told("10.0.0.1", name, value), "{name}: {value}");
+            assert!(!told("9.9.9.9", name, value), "{name}: {value}, of somebody else");
+        }
+        for (name, value) in [
+            ("x-forwarded-proto", "https, http"),
+            ("x-forwarded-proto", ""),
+            ("forwarded", "for=1.2.3.4"),
+            ("forwarded", "proto=https, proto=http"),
+        ] {
+            assert!(!told("10.0.0.1", name, value), "{name}: {value}");
+        }
     }
 
     #[test]

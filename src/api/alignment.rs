@@ -42,7 +42,7 @@ pub(super) async fn show(
     RawQuery(raw): RawQuery,
 ) -> Result<Response, Problem> {
     Query::parse(raw.as_deref(), NONE).finish(Some(()))?;
-    let found = api.ask("comparing clocks and calibrations", move |door| door.alignment(&id)).await;
+    let found = api.compute("comparing clocks and calibrations", move |door| door.alignment(&id)).await;
     let found = found.map_err(|error| problem_of(&api, error))?;
     let body = json!({
         "cameras": found.cameras.iter().map(camera).collect::<Vec<_>>(),

@@ -106,8 +106,9 @@ pub(super) async fn taken(api: &Api, body: &Bytes, reading: Reading) -> Result<I
     })?;
     let Reading { format, options } = reading;
     // A lens model that is not ours is fitted, which takes its time.
-    let read =
-        api.ask("reading a calibration", move |_door| Ok(calibrate::import(&text, format, &options))).await?;
+    let read = api
+        .compute("reading a calibration", move |_door| Ok(calibrate::import(&text, format, &options)))
+        .await?;
     read.map_err(|error| refused(&error))
 }
 

@@ -22,9 +22,6 @@ use videofields_vision::access::Role;
 use videofields_vision::calibrate::{self, CalibrateError, CameraDocument, Pair, Solved, Unknowns};
 use videofields_vision::error::{ErrorKind, Fault};
 
-/// Cameras that are worked out at once; others wait.
-pub(super) const AT_ONCE: usize = 2;
-
 /// Most columns and rows of a picture.
 pub(super) const MAX_SIDE_PX: u32 = 65_536;
 
@@ -124,20 +121,13 @@ fn told(solved: &Solved) -> Value {
 }
 
 impl Api {
-    /// Works something out of what a person showed in a picture, on a thread that may take long, with as few others as
-    /// [`AT_ONCE`]; `action` is what a panic broke off.
+    /// Works something out of what a person showed in a picture, in the caller's turn; `action` is what a panic broke off.
     pub(super) async fn worked_out<T: Send + 'static>(
         &self,
         action: &'static str,
         work: impl FnOnce() -> Result<T, CalibrateError> + Send + 'static,
     ) -> Result<T, Problem> {
-        let turn = self.turn(&self.solvers).await;
-        // The thread keeps its turn, also when nobody waits for it any more.
-        let worked = self.ask(action, move |_door| {
-            let worked = work();
-            drop(turn);
-            Ok::<_, EngineError>(worked)
-        });
+        let worked = self.compute(action, move |_door| Ok::<_, EngineError>(work()));
         worked.await?.map_err(|error| refused(&error))
     }
 }

@@ -103,7 +103,7 @@ pub(super) async fn picture(
         // The past may have to be decoded.
         At::Time(_) => {
             let id = id.clone();
-            api.ask("looking back", move |door| door.observation(&id, at)).await
+            api.look_back("looking back", move |door| door.observation(&id, at)).await
         }
     };
     let observation = observation.map_err(|error| problem_of(&api, error))?;

@@ -24,9 +24,6 @@ use videofields_vision::frame::RgbImage;
 use videofields_vision::hull::{self, Bounds, Method};
 use videofields_vision::mesh::Mesh;
 
-/// Meshes that are made at once; more wait.
-pub(super) const AT_ONCE: usize = 2;
-
 /// Places of the grid along a hull's longest side.
 const RESOLUTION: RangeInclusive<u32> = 16..=256;
 const DEFAULT_RESOLUTION: u32 = 96;
@@ -104,7 +101,7 @@ async fn paths(Asked(api): Asked, Segments(id): Segments<String>, uri: Uri) -> R
     let after = pages::cursor(&mut query, |text| text.parse().ok());
     let (from, to) = tracks::ordered(query.finish(span)?)?;
     let asked = EntityQuery { span: (from, to), after, limit };
-    let found = api.ask("searching entities", move |door| door.search_entities(&id, &asked)).await;
+    let found = api.compute("searching entities", move |door| door.search_entities(&id, &asked)).await;
     let found = found.map_err(|error| scenes::problem_of(&api, error))?;
     let unknown =
         |(from, to): &(Timestamp, Timestamp)| json!({ "from": from.to_string(), "to": to.to_string() });
@@ -142,7 +139,8 @@ async fn list(
     let moment = query.moment(|id| api.door.playhead_at(id));
     let moment = query.finish(Some(moment))?;
     let scene = id.clone();
-    let present = api.ask("looking who was there", move |door| door.present_at(&scene, moment.at)).await;
+    let present =
+        api.look_back("looking who was there", move |door| door.present_at(&scene, moment.at)).await;
     let present = present.map_err(|error| scenes::problem_of(&api, error))?;
     let entity = |of: &PresentEntity| {
         json!({
@@ -172,13 +170,9 @@ async fn mesh(
     let moment = query.moment(|id| api.door.playhead_at(id));
     let resolution = query.whole("resolution", &RESOLUTION).unwrap_or(DEFAULT_RESOLUTION);
     let (moment, resolution) = query.finish(Some((moment, resolution)))?;
-    // Held until the mesh is made, though nobody waits for it any more.
-    let turn = api.turn(&api.meshes).await;
     let scene = id.clone();
-    let made = api.ask("making a hull", move |door| {
-        let made = door.standing(&scene, moment.at).map(|state| made(state, &entity, (resolution, written)));
-        drop(turn);
-        made
+    let made = api.look_back("making a hull", move |door| {
+        door.standing(&scene, moment.at).map(|state| made(state, &entity, (resolution, written)))
     });
     let Made { bytes, time, cameras, skew_s } =
         made.await.map_err(|error| scenes::problem_of(&api, error))??;

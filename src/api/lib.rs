@@ -44,6 +44,7 @@ mod jobs;
 mod kept;
 mod locate;
 mod log_budget;
+mod long_questions;
 mod looks;
 mod metrics;
 mod naming;
@@ -171,8 +172,10 @@ struct Api {
     admission: admission::Admission,
     encoders: turns::Turns<String>,
     encoding_pace: Arc<encoding::EncodingPace>,
-    meshes: turns::Turns<String>,
-    strips: turns::Turns<String>,
+    /// Questions that take a processor for long.
+    computations: turns::Turns<String>,
+    /// Pictures of the past that are looked for, and drawn.
+    replays: turns::Turns<String>,
     streams: shares::Shares<String>,
     listeners: shares::Shares<String>,
     /// Bytes of `Limits::answer_bytes`.
@@ -199,8 +202,6 @@ struct Api {
     archives: shares::Shares<String>,
     /// Searches for cameras in the network at once.
     discoveries: Arc<Semaphore>,
-    /// Cameras that are worked out of pairs and lines at once.
-    solvers: turns::Turns<String>,
 }
 
 impl Api {
@@ -274,8 +275,8 @@ pub fn router_within(
         admission: admission::Admission::new(&limits),
         encoders: turns::Turns::new(limits.encoders),
         encoding_pace: Arc::default(),
-        strips: turns::Turns::new(strip::AT_ONCE),
-        meshes: turns::Turns::new(entities::AT_ONCE),
+        computations: turns::Turns::with_one_for_others(long_questions::at_once()),
+        replays: turns::Turns::with_one_for_others(long_questions::at_once()),
         streams: frames::places(),
         listeners: guests::listeners(),
         answers: picture::answers(limits.answer_bytes),
@@ -293,7 +294,6 @@ pub fn router_within(
         snapshot_makings: snapshot_making::places(),
         archives: snapshots::archive_places(),
         discoveries: Arc::new(Semaphore::new(source_discovery::AT_ONCE)),
-        solvers: turns::Turns::new(calibration_solve::AT_ONCE),
     };
     let limited = resources()
         .router()

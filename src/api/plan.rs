@@ -42,7 +42,8 @@ pub(super) async fn show(
 ) -> Result<Response, Problem> {
     let (request, _moment) = view::asked(&api, (id, PictureFormat::Jpeg), raw.as_deref())?;
     let is_restricted = api.door.leaves_out(&request.scene, request.at);
-    let planned = api.ask("planning a view", move |door| door.plan(&request)).await;
+    let _looked_back = api.looked_back(&request).await;
+    let planned = api.compute("planning a view", move |door| door.plan(&request)).await;
     let planned = planned.map_err(|error| problem_of(&api, error))?;
     let mut body = document(&planned);
     body["restricted"] = json!(is_restricted);

@@ -100,7 +100,8 @@ pub(super) async fn export(
     let format = query.choice("format", &ExchangeFormat::ALL).unwrap_or(ExchangeFormat::VideoFields);
     let format = query.finish(Some(format))?;
     let scene = find(&api, &id)?;
-    let written = api.ask("writing a scene down", move |_door| Ok(exchange::write(&scene, format))).await?;
+    let written =
+        api.compute("writing a scene down", move |_door| Ok(exchange::write(&scene, format))).await?;
     let Written { bytes, warnings } = written.map_err(CatalogError::from)?;
     let tag = EntityTag::of(&bytes).value();
     let mut response = bytes.into_response();
@@ -151,7 +152,7 @@ pub(super) async fn import(
         Problem::new(ErrorKind::Unavailable, format!("{AT_ONCE} scenes are being taken in already"))
     })?;
     let Content(body) = Content::from_request(request, &api).await?;
-    let taken = api.ask("reading a scene", move |_door| Ok(exchange::take(&body, format))).await?;
+    let taken = api.compute("reading a scene", move |_door| Ok(exchange::take(&body, format))).await?;
     let taken = taken.map_err(CatalogError::from)?;
     let catalog = api.catalog()?;
     let document = taken.document.clone();

@@ -80,6 +80,7 @@ pub(super) async fn log_in(
     Query::parse(raw.as_deref(), NONE).finish(Some(()))?;
     refuse_foreign(&api.site, &headers)?;
     let from = address::of(api.connection.peer(), &headers, &api.site.trusted_proxies);
+    let secure = secure_attribute(&api, &headers);
     let (identity, cookie) = match read_members(&body)? {
         Credentials { user: Some(user), password: Some(password), token: None } => {
             let address = address::of_log_in(api.connection.peer(), &headers, &api.site.trusted_proxies);
@@ -90,7 +91,7 @@ pub(super) async fn log_in(
                 }
             })?;
             tracing::info!(user, ?from, "logged in");
-            let cookie = cookie(COOKIE, &logged.session, SESSION_TIME, &api.site);
+            let cookie = cookie(COOKIE, &logged.session, SESSION_TIME, secure);
             (
                 Identity { caller: logged.caller, credential: Some(Credential::Session(logged.session)) },
                 cookie,
@@ -104,7 +105,7 @@ pub(super) async fn log_in(
                 return Err(Problem::new(ErrorKind::Unauthenticated, NOBODYS_TOKEN));
             };
             tracing::info!(user = identity.caller.user, ?from, "a screen logged in");
-            (identity, cookie(SCREEN_COOKIE, &token, SCREEN_TIME, &api.site))
+            (identity, cookie(SCREEN_COOKIE, &token, SCREEN_TIME, secure))
         }
         _ => {
             let detail = "must be user and password, or token alone";
@@ -133,17 +134,25 @@ pub(super) async fn log_out(
     if let Some(Credential::Session(key)) = &api.identity.credential {
         api.accounts()?.log_out(key);
     }
+    let secure = secure_attribute(&api, &headers);
     let mut response = (StatusCode::NO_CONTENT, [NO_STORE]).into_response();
     for name in [COOKIE, SCREEN_COOKIE] {
-        response.headers_mut().append(header::SET_COOKIE, cookie(name, "", Duration::ZERO, &api.site));
+        response.headers_mut().append(header::SET_COOKIE, cookie(name, "", Duration::ZERO, secure));
     }
     Ok(response)
 }
 
-/// A cookie that goes to this daemon alone, is sent by its own pages alone and is read by no script.
-fn cookie(name: &str, key: &str, time: Duration, site: &Site) -> HeaderValue {
+/// Returns the attribute by which a cookie is sent over HTTPS alone, where the page came by it: from the daemon itself, or from a proxy
+/// that it trusts.
+fn secure_attribute(api: &Api, headers: &HeaderMap) -> &'static str {
+    let Site { is_encrypted, trusted_proxies, .. } = &*api.site;
+    let is_secure = *is_encrypted || address::is_encrypted(api.connection.peer(), headers, trusted_proxies);
+    if is_secure { "; Secure" } else { "" }
+}
+
+/// Returns a cookie that goes to this daemon alone; it is sent by the daemon's own pages alone and read by no script.
+fn cookie(name: &str, key: &str, time: Duration, secure: &str) -> HeaderValue {
     let secs = time.as_secs();
-    let secure = if site.is_encrypted { "; Secure" } else { "" };
     let text = format!("{name}={key}; Max-Age={secs}; Path=/; HttpOnly; SameSite=Strict{secure}");
     HeaderValue::try_from(text).unwrap_or(HeaderValue::from_static(""))
 }

@@ -36,9 +36,6 @@ const TILES: RangeInclusive<u32> = 1..=48;
 const HEIGHT_PX: u32 = 90;
 const HEIGHTS_PX: RangeInclusive<u32> = 32..=360;
 
-/// Strips that are decoded at once; more wait.
-pub(super) const AT_ONCE: usize = 2;
-
 /// Columns and rows of a picture where none tells.
 const ASPECT: (u32, u32) = (16, 9);
 
@@ -105,14 +102,8 @@ pub(super) async fn show(
     }
     let started = api.clock.monotonic();
     let clock = Arc::clone(&api.clock);
-    // Held until the last picture is decoded, though nobody waits for it any more.
-    let turn = api.turn(&api.strips).await;
-    let look = move |door: Handle| {
-        let found = tiles(&door, &*clock, &id, (from, to), (n_tiles, height_px));
-        drop(turn);
-        found
-    };
-    let found = api.ask("looking back", look).await;
+    let look = move |door: Handle| tiles(&door, &*clock, &id, (from, to), (n_tiles, height_px));
+    let found = api.look_back("looking back", look).await;
     let found = found.map_err(|error| problem_of(&api, error))?;
     let decoding_time = api.clock.monotonic().saturating_sub(started);
     let times: Vec<String> = found.iter().map(Tile::time).collect();

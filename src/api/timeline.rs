@@ -67,7 +67,8 @@ pub(super) async fn show(
     let (from, to) = query.finish(from.zip(to))?;
     check(from, to, resolution_secs)?;
     let minutes_each = resolution_secs.div_ceil(RESOLUTION_SECS);
-    let found = api.ask("looking back", move |door| door.scene_timeline(&id, (from, to), minutes_each)).await;
+    let found =
+        api.compute("looking back", move |door| door.scene_timeline(&id, (from, to), minutes_each)).await;
     let found = found.map_err(|error| problem_of(&api, error))?;
     let body = json!({
         "from": from.to_string(),

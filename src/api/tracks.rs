@@ -63,7 +63,7 @@ pub(super) async fn list(
 ) -> Result<Response, Problem> {
     let query = read(uri.query())?;
     let (from, to) = query.span;
-    let found = api.ask("searching tracks", move |door| door.search_tracks(&id, &query)).await;
+    let found = api.compute("searching tracks", move |door| door.search_tracks(&id, &query)).await;
     let found = found.map_err(|error| problem_of(&api, error))?;
     let body = json!({
         "from": from.to_string(),

@@ -17,6 +17,8 @@ pub(super) struct Turns<K: Clone + Eq + Hash>(Arc<Inner<K>>);
 #[derive(Debug)]
 struct Inner<K: Clone + Eq + Hash> {
     n_at_once: usize,
+    /// Turns of these that nobody has who has one already.
+    n_for_others: usize,
     board: Mutex<Board<K>>,
 }
 
@@ -61,8 +63,18 @@ impl<K: Clone + Eq + Hash> Clone for Turns<K> {
 impl<K: Clone + Eq + Hash> Turns<K> {
     /// Returns turns of which so many are taken at once, one at least.
     pub(super) fn new(n_at_once: usize) -> Self {
+        Self::with(n_at_once, 0)
+    }
+
+    /// Returns turns of which so many are taken at once, the last of them by callers who have no other: a caller whose turns take long
+    /// keeps nobody else from a first one.
+    pub(super) fn with_one_for_others(n_at_once: usize) -> Self {
+        Self::with(n_at_once, 1)
+    }
+
+    fn with(n_at_once: usize, n_for_others: usize) -> Self {
         let board = Board { n_taken: 0, n_given: 0, callers: HashMap::new(), waiting: Vec::new() };
-        Self(Arc::new(Inner { n_at_once: n_at_once.max(1), board: Mutex::new(board) }))
+        Self(Arc::new(Inner { n_at_once: n_at_once.max(1), n_for_others, board: Mutex::new(board) }))
     }
 
     /// Waits for a turn of that caller's.
@@ -83,7 +95,10 @@ impl<K: Clone + Eq + Hash> Inner<K> {
     /// Gives turns to those who come next, as long as there are any.
     fn call(inner: &Arc<Self>) {
         loop {
-            let Some(Waiting { caller, called }) = inner.lock().next(inner.n_at_once) else { return };
+            let Some(Waiting { caller, called }) = inner.lock().next((inner.n_at_once, inner.n_for_others))
+            else {
+                return;
+            };
             // Who waits no more gives it back at once.
             drop(called.send(Turn { inner: Arc::clone(inner), caller }));
         }
@@ -107,16 +122,19 @@ impl<K: Clone + Eq + Hash> Board<K> {
     }
 
     /// Takes a turn for whoever comes next; none where all are taken or nobody waits.
-    fn next(&mut self, n_at_once: usize) -> Option<Waiting<K>> {
+    fn next(&mut self, (n_at_once, n_for_others): (usize, usize)) -> Option<Waiting<K>> {
         if self.n_taken >= n_at_once {
             return None;
         }
+        let is_for_others = self.n_taken + n_for_others >= n_at_once;
         let rank = |caller: &Option<K>| {
             let Caller { n_taken, last, .. } = self.callers.get(caller).copied().unwrap_or_default();
             (n_taken, last)
         };
         // The first of equals.
-        let (idx, _) = self.waiting.iter().enumerate().min_by_key(|(_, waiting)| rank(&waiting.caller))?;
+        let ranked = self.waiting.iter().map(|waiting| rank(&waiting.caller)).enumerate();
+        let allowed = ranked.filter(|(_, (n_taken, _))| *n_taken == 0 || !is_for_others);
+        let (idx, _) = allowed.min_by_key(|(_, rank)| *rank)?;
         let next = self.waiting.remove(idx);
         self.n_taken += 1;
         self.n_given += 1;
@@ -208,6 +226,23 @@ mod tests {
         assert_eq!(turns.0.lock().n_taken, 2);
         drop(modest);
         assert!(greedy.now_or_never().is_some());
+    }
+
+    #[tokio::test]
+    async fn the_last_turn_is_for_who_has_none() {
+        let turns = Turns::with_one_for_others(3);
+        let held = [begin(&turns, "greedy").await, begin(&turns, "greedy").await];
+        let mut third = Box::pin(begin(&turns, "greedy"));
+        assert!(third.as_mut().now_or_never().is_none(), "one is left, and it has two");
+        let modest = begin(&turns, "modest").now_or_never().expect("it has none");
+        drop(modest);
+        assert!(third.as_mut().now_or_never().is_none());
+        let [first, _second] = held;
+        drop(first);
+        assert!(third.now_or_never().is_some(), "two are left");
+        // A single one is anybody's.
+        let single = Turns::with_one_for_others(1);
+        drop(begin(&single, "greedy").now_or_never().expect("nobody has it"));
     }
 
     #[tokio::test]

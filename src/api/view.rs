@@ -144,6 +144,7 @@ pub(super) async fn spared(
     if had.is_empty() || request.session.is_some() {
         return None;
     }
+    let _looked_back = api.looked_back(request).await;
     let asked = request.clone();
     // Drawing tells what is wrong with the request.
     let identity = api.ask("looking for a picture", move |door| door.identity(&asked)).await.ok()?;
@@ -161,7 +162,15 @@ pub(super) async fn drawn(
 ) -> Result<Picture, Problem> {
     let size_px = (request.width_px, request.height_px);
     let is_restricted = api.door.leaves_out(&request.scene, moment.at);
-    let answer = api.door.view(request).await.map_err(|error| scenes::problem_of(api, error))?;
+    let since = api.clock.monotonic();
+    // Kept until the picture is drawn.
+    let looked_back = api.looked_back(&request).await;
+    let answer = api
+        .door
+        .view_since(request, looked_back.is_some().then_some(since))
+        .await
+        .map_err(|error| scenes::problem_of(api, error))?;
+    drop(looked_back);
     let instant = answer.instant;
     let image = Arc::clone(&answer.image);
     let finishing = finish.clone();

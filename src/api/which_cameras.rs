@@ -44,7 +44,7 @@ async fn list(
     let scene = scenes::find(&api, &id)?;
     let door = api.door.clone();
     // Rays against every surface.
-    let found = api.ask("looking for cameras", move |_door| {
+    let found = api.compute("looking for cameras", move |_door| {
         let states = door.cameras();
         let is_masked = |camera: &CameraId, place: [f64; 2]| is_masked(&door, camera, place);
         Ok(which_cameras(&scene, &states, |camera| has_moved(&door, camera), is_masked, point))

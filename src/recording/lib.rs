@@ -4,6 +4,8 @@
 
 pub mod memory;
 
+pub mod priority;
+
 pub mod signing;
 
 pub mod telemetry;

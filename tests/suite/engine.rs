@@ -336,7 +336,7 @@ fn the_door_answers_what_was_seen_when_and_where() {
     let handle = bench.stop();
     assert_eq!(handle.observation("north", At::Live).unwrap().frame.number, live.frame.number);
     let (reply, _answer) = oneshot::channel();
-    let error = Door::view(&*handle, request("yard", At::Live), Flow::Common, reply).unwrap_err();
+    let error = Door::view(&*handle, request("yard", At::Live), Flow::Common.into(), reply).unwrap_err();
     assert_eq!(error.kind(), ErrorKind::Unavailable, "{error}");
 }
 
@@ -450,7 +450,7 @@ fn a_full_queue_is_busy_and_a_scene_without_cameras_is_drawn() {
         match Door::view(
             &*bench.handle,
             ViewRequest { width_px, ..request("yard", At::Live) },
-            Flow::Common,
+            Flow::Common.into(),
             reply,
         ) {
             Ok(()) => answers.push(answer),

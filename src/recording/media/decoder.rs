@@ -74,6 +74,13 @@ impl Decoder {
         }
     }
 
+    /// Lets what is live go before the decoding, from now on.
+    pub fn lower_priority(&self) {
+        if let Some(worker) = &self.worker {
+            worker.lower_priority();
+        }
+    }
+
     /// Returns the next picture if one comes within `patience`. Of a camera, one that its decoder marks as broken is left out and
     /// counted.
     pub fn pull(&mut self, patience: Duration) -> Option<Picture> {

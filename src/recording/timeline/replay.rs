@@ -398,6 +398,7 @@ impl Cursor {
             |fault: Fault| ReplayError::Undecoded { path: path.clone(), reason: fault.to_string() };
         let input = Input::stream(reading).with_times(Times::Written);
         let decoder = Decoder::start(input, None).map_err(undecoded)?;
+        decoder.lower_priority();
         Ok(Self {
             camera: camera.clone(),
             path,

@@ -27,6 +27,21 @@ pub enum Flow {
     Address(IpAddr),
 }
 
+/// On whose behalf a picture is asked for, and since when.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Asking {
+    /// The callers in whose turns it is drawn.
+    pub flow: Flow,
+    /// Moment at which the caller began to wait, by the engine's clock; none where that is now.
+    pub since: Option<Duration>,
+}
+
+impl From<Flow> for Asking {
+    fn from(flow: Flow) -> Self {
+        Self { flow, since: None }
+    }
+}
+
 /// Kinds of pictures within a flow.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) enum Kind {

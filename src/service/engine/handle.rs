@@ -1,6 +1,7 @@
 //! The engine's door: every question that a caller may ask of the running daemon.
 
-use super::flow::Flow;
+use super::flow::{Asking, Flow};
+use super::looked_back::LookedBack;
 use super::{
     AccuracyStatus, BlurAsked, CameraBlur, EngineError, EntityQuery, FoundCameras, FoundEntities,
     FoundSources, FoundTracks, MapSummary, PlannedView, PlayheadState, Present, Privacy, PrivacySummary,
@@ -486,7 +487,7 @@ pub trait Door: Send + Sync {
     /// [`EngineError::Forbidden`], [`EngineError::NoScene`].
     fn remove_scene(&self, id: &str) -> Result<(), EngineError>;
 
-    /// Asks for a picture on behalf of `flow`; the answer comes through `reply`. Requests with equal answers share one picture.
+    /// Asks for a picture on behalf of whoever `asking` names; the answer comes through `reply`. Requests with equal answers share one picture.
     ///
     /// # Errors
     /// At once: [`EngineError::Busy`], [`EngineError::OverShare`], [`EngineError::Unavailable`]; all else comes through `reply`, within
@@ -494,9 +495,19 @@ pub trait Door: Send + Sync {
     fn view(
         &self,
         request: ViewRequest,
-        flow: Flow,
+        asking: Asking,
         reply: oneshot::Sender<Result<ViewAnswer, EngineError>>,
     ) -> Result<(), EngineError>;
+
+    /// Tells that a picture of the past shows what has to be read and decoded: then [`Door::look_back`] comes first.
+    fn looks_back(&self, request: &ViewRequest) -> bool;
+
+    /// Reads and decodes what cameras saw of the instant that `request` is about, as far as memory does not hold it. The picture is drawn
+    /// of that as long as the answer is kept, so that nobody else waits for it at the renderer. Blocks for up to seconds.
+    ///
+    /// # Errors
+    /// [`EngineError::NoScene`]; what a camera meets shows when the picture is asked for.
+    fn look_back(&self, request: &ViewRequest) -> Result<LookedBack, EngineError>;
 
     /// What the picture hangs on that a request means now: it tells whether that is one that was answered before. Blocks as
     /// [`Door::plan`].
@@ -716,8 +727,20 @@ impl Handle {
     /// # Errors
     /// As [`Door::view`], and whatever planning or rendering met.
     pub async fn view(&self, request: ViewRequest) -> Result<ViewAnswer, EngineError> {
+        self.view_since(request, None).await
+    }
+
+    /// As [`Self::view`], for a caller who began to wait for it at `since`, by the engine's clock.
+    ///
+    /// # Errors
+    /// As [`Self::view`].
+    pub async fn view_since(
+        &self,
+        request: ViewRequest,
+        since: Option<Duration>,
+    ) -> Result<ViewAnswer, EngineError> {
         let (reply, answer) = oneshot::channel();
-        self.door.view(request, self.flow.clone(), reply)?;
+        self.door.view(request, Asking { flow: self.flow.clone(), since }, reply)?;
         let gone =
             |_dropped: oneshot::error::RecvError| EngineError::Unavailable("the renderer stopped".to_owned());
         answer.await.map_err(gone)?

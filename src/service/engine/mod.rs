@@ -19,6 +19,7 @@ mod frame_cache;
 mod handle;
 mod history;
 mod identity;
+mod looked_back;
 mod looking;
 mod maps;
 mod misalignment;
@@ -59,13 +60,14 @@ pub use chronicle::{CameraTimeline, SceneTimeline};
 pub use entities::{EntityCursor, EntityQuery, FoundEntities, FoundEntity, FoundStand};
 pub use error::{EngineError, LateStage};
 pub use exports::ExportAsked;
-pub use flow::Flow;
+pub use flow::{Asking, Flow};
 pub use forecaster::Expected;
 pub use handle::{
     At, CameraSummary, DecodingSummary, DeviceSummary, Door, Handle, LocateMethod, Located, Preview,
     Readiness, RecordingSummary, SceneSummary, StretchedSummary, shape_concern,
 };
 pub use identity::ViewIdentity;
+pub use looked_back::LookedBack;
 pub use looking::{FoundCameras, FoundSources};
 pub use maps::{MapProgress, MapSummary};
 pub use offline::view_once;

@@ -2,6 +2,7 @@
 //!
 //! Blocks its caller for tens of milliseconds; requests for one camera wait for each other, those for several do not.
 
+use super::looked_back::{LookedBack, LookedBackMemory};
 use super::object_sizes::CameraObjectSizes;
 use super::playheads::Step;
 use super::privacy::Privacies;
@@ -38,6 +39,8 @@ pub(super) struct Past {
     object_sizes: Arc<CameraObjectSizes>,
     /// When the oldest recorded frame of each camera was seen.
     firsts: Mutex<BTreeMap<CameraId, Timestamp>>,
+    /// Observations that pictures wait for.
+    looked_back: Arc<LookedBackMemory>,
 }
 
 /// One camera's segmentation of its past.
@@ -103,7 +106,8 @@ impl Past {
         let camera = |settings: CameraSettings| (settings.id.clone(), PastCamera::shared(settings));
         let cameras = RwLock::new(cameras.map(camera).collect());
         let (privacies, object_sizes) = (Arc::clone(privacies), Arc::clone(object_sizes));
-        Self { replay, store, runtime, cameras, privacies, object_sizes, firsts: Mutex::default() }
+        let (firsts, looked_back) = (Mutex::default(), Arc::default());
+        Self { replay, store, runtime, cameras, privacies, object_sizes, firsts, looked_back }
     }
 
     /// From now on these cameras are recorded, and their past is looked at with these settings.
@@ -288,7 +292,28 @@ impl Past {
         at: Timestamp,
     ) -> Option<Result<(Observation, bool), ReplayError>> {
         let (of, replay) = (self.camera(camera)?, self.replay.as_ref()?);
+        if let Some(looked) = self.looked_back.find(camera, at, self.zones_of(camera)) {
+            return Some(looked);
+        }
         Some(replay.frame_at(camera, at).map(|frame| self.segmented(&mut lock_camera(&of), frame)))
+    }
+
+    /// Looks at what `cameras` saw nearest to `at`, and keeps that until the answer is dropped.
+    pub(super) fn look_back(&self, cameras: &[CameraId], at: Timestamp) -> LookedBack {
+        let kept = self.looked_back.begin();
+        for camera in cameras {
+            // Before it is looked at: where the zones change meanwhile, it is not found.
+            let zones = self.zones_of(camera);
+            if let Some(looked) = self.looked_at(camera, at) {
+                kept.keep(camera.clone(), at, (zones, looked));
+            }
+        }
+        kept
+    }
+
+    /// Returns the number of the camera's privacy zones.
+    fn zones_of(&self, camera: &CameraId) -> u64 {
+        self.privacies.of_known(camera).numbered().1
     }
 
     /// The recorded frame of `camera` nearest to `at`, with what is hidden of it filled; none where it is not recorded.

@@ -10,11 +10,12 @@ use super::alignment::SceneAlignment;
 use super::blurring::{BlurAsked, CameraBlur};
 use super::chronicle::SceneTimeline;
 use super::entities::{EntityQuery, FoundEntities};
-use super::flow::Flow;
+use super::flow::Asking;
 use super::handle::{
     At, CameraSummary, DeviceSummary, Door, LocateMethod, Located, Preview, Readiness, SceneSummary,
 };
 use super::identity::ViewIdentity;
+use super::looked_back::LookedBack;
 use super::looking::{FoundCameras, FoundSources};
 use super::maps::MapSummary;
 use super::planned::PlannedView;
@@ -412,12 +413,24 @@ impl Door for Permitted {
     fn view(
         &self,
         request: ViewRequest,
-        flow: Flow,
+        asking: Asking,
         reply: oneshot::Sender<Result<ViewAnswer, EngineError>>,
     ) -> Result<(), EngineError> {
         let scope = self.seeing(request.at);
         self.scene_with(&request.scene, &scope, "that time")?;
-        self.shared.view(ViewRequest { scope, ..request }, flow, reply)
+        self.shared.view(ViewRequest { scope, ..request }, asking, reply)
+    }
+
+    fn looks_back(&self, request: &ViewRequest) -> bool {
+        let scope = self.seeing(request.at);
+        let is_shown = self.scene_with(&request.scene, &scope, "that time").is_ok();
+        is_shown && self.shared.looks_back(&ViewRequest { scope, ..request.clone() })
+    }
+
+    fn look_back(&self, request: &ViewRequest) -> Result<LookedBack, EngineError> {
+        let scope = self.seeing(request.at);
+        self.scene_with(&request.scene, &scope, "that time")?;
+        self.shared.look_back(&ViewRequest { scope, ..request.clone() })
     }
 
     fn identity(&self, request: &ViewRequest) -> Result<ViewIdentity, EngineError> {

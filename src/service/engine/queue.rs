@@ -11,7 +11,7 @@ mod waiting;
 use super::EngineError;
 use super::accuracy::AccuracyBoard;
 use super::error::LateStage;
-use super::flow::{Flow, Kind, Turns};
+use super::flow::{Asking, Flow, Kind, Turns};
 use super::pace::Pace;
 use super::view::{Origin, ViewAnswer, ViewRequest};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
@@ -146,8 +146,15 @@ impl RenderQueue {
     /// # Errors
     /// [`EngineError::Busy`] and [`EngineError::OverShare`] at once where too much waits, of all or of that flow;
     /// [`EngineError::Unavailable`] at the end.
-    pub(super) fn push(&self, request: ViewRequest, flow: Flow, reply: Reply) -> Result<(), EngineError> {
+    pub(super) fn push(
+        &self,
+        request: ViewRequest,
+        asking: impl Into<Asking>,
+        reply: Reply,
+    ) -> Result<(), EngineError> {
         let now = self.clock.monotonic();
+        let Asking { flow, since } = asking.into();
+        let asked_at = since.map_or(now, |since| since.min(now));
         let mut state = self.lock();
         if !state.is_open {
             return Err(EngineError::Unavailable("the daemon is stopping".to_owned()));
@@ -157,7 +164,7 @@ impl RenderQueue {
             place.hand.is_none() && place.request == request && place.callers.len() < MAX_CALLERS
         });
         if let Some(place) = joined {
-            place.callers.push(Caller { reply, asked_at: now, flow });
+            place.callers.push(Caller { reply, asked_at, flow });
         } else {
             let mut refused = state.refusal(&flow, request_bytes(&request), self.max_pictures);
             if refused.is_some() {
@@ -178,7 +185,7 @@ impl RenderQueue {
             }
             state.n_ever += 1;
             let id = PlaceId(state.n_ever);
-            let caller = Caller { reply, asked_at: now, flow };
+            let caller = Caller { reply, asked_at, flow };
             state.places.push(Place::new(id, request, caller, self.samples));
         }
         self.accuracy.note_asked();

@@ -15,7 +15,8 @@ pub struct ArchiveSettings {
     pub segment_secs: u32,
     /// Most GiB of all files of all cameras together, 0.01 to 1048576; the oldest go first. Default 100.
     pub max_gib: f64,
-    /// Days of scene time after which a recording goes, 0.001 to 36500. Default 30.
+    /// Days of scene time after which a recording goes, or days after it was written where its time is still to come, 0.001 to 36500.
+    /// Default 30.
     pub max_age_days: f64,
     /// MiB of the disk that are left free, 0 to 1073741824: with less, recording pauses. Default 1024.
     pub min_free_mib: u32,

@@ -18,10 +18,10 @@ use videofields_recording::timeline::{
     Alignment, Event, EventKind, EventLog, Horizon, LoggedEvent, PlayheadMode,
 };
 use videofields_service::engine::{
-    AccuracyState, AccuracyStatus, At, BlurAsked, CalibrationAlignment, CameraAlignment, CameraBlur,
+    AccuracyState, AccuracyStatus, Asking, At, BlurAsked, CalibrationAlignment, CameraAlignment, CameraBlur,
     CameraSummary, CameraTimeline, DecodingSummary, DeviceSummary, Door, EngineError, EntityCursor,
     EntityQuery, Expected, Flow, FoundCameras, FoundEntities, FoundEntity, FoundPoint, FoundSources,
-    FoundStand, FoundTrack, FoundTracks, LocateMethod, Located, Look, MapProgress, MapSummary,
+    FoundStand, FoundTrack, FoundTracks, LocateMethod, Located, Look, LookedBack, MapProgress, MapSummary,
     OpenedBuilding, Origin, PairAlignment, PlannedEntity, PlannedView, PlayheadState, Present, PresentEntity,
     Preview, Privacy, PrivacySummary, Readiness, RecordingSummary, SceneAlignment, SceneMoment, SceneSummary,
     SceneTimeline, SourceTime, StopFlag, StretchedSummary, TrackCursor, TrackQuery, ViewAnswer, ViewIdentity,
@@ -80,6 +80,13 @@ pub(crate) struct State {
     pub(super) exports: Vec<ExportStatus>,
     /// The next export that is asked for says so, and waits until it may go on.
     pub(super) export_gate: Option<(SyncSender<()>, Receiver<()>)>,
+    /// Each question about clocks, and each look back for a picture, takes one and waits until it may go on.
+    pub(super) long_gates: Vec<Receiver<()>>,
+    /// Whether pictures show what has to be read and decoded.
+    pub(super) looks_back: bool,
+    /// Looks back, and thread of the last question about clocks.
+    pub(super) n_looks_back: usize,
+    pub(super) asked_on: Option<String>,
     /// The scene's document, where it is another.
     pub(super) document: Option<String>,
     /// Where their files lie.
@@ -99,6 +106,15 @@ impl FakeDoor {
 
     fn failure(&self) -> Result<(), EngineError> {
         self.0.lock().unwrap().failure.clone().map_or(Ok(()), Err)
+    }
+
+    /// Waits where a test wants a question to take long.
+    fn take_long(&self) {
+        let gate = self.0.lock().unwrap().long_gates.pop();
+        if let Some(gate) = gate {
+            // It may go on too once nobody holds the other end.
+            gate.recv().ok();
+        }
     }
 
     fn has_camera(id: &str) -> Result<(), EngineError> {
@@ -225,6 +241,8 @@ impl Door for FakeDoor {
 
     fn alignment(&self, scene: &str) -> Result<SceneAlignment, EngineError> {
         self.failure()?;
+        self.0.lock().unwrap().asked_on = std::thread::current().name().map(str::to_owned);
+        self.take_long();
         Self::has_scene(scene)?;
         let alignment = Alignment {
             offset_secs: 10.0,
@@ -644,14 +662,14 @@ impl Door for FakeDoor {
     fn view(
         &self,
         request: ViewRequest,
-        flow: Flow,
+        asking: Asking,
         reply: oneshot::Sender<Result<ViewAnswer, EngineError>>,
     ) -> Result<(), EngineError> {
         self.failure()?;
         let mut state = self.0.lock().unwrap();
         state.view = Some(request.clone());
         state.n_views += 1;
-        state.flow = Some(flow);
+        state.flow = Some(asking.flow);
         if state.keeps_views {
             state.kept.push(reply);
             return Ok(());
@@ -659,6 +677,16 @@ impl Door for FakeDoor {
         let origin = state.origin.unwrap_or(Origin::Drawn);
         reply.send(Ok(ViewAnswer { origin, ..answer(&request) })).expect("the caller waits");
         Ok(())
+    }
+
+    fn looks_back(&self, _request: &ViewRequest) -> bool {
+        self.0.lock().unwrap().looks_back
+    }
+
+    fn look_back(&self, _request: &ViewRequest) -> Result<LookedBack, EngineError> {
+        self.0.lock().unwrap().n_looks_back += 1;
+        self.take_long();
+        Ok(LookedBack::default())
     }
 
     fn identity(&self, _request: &ViewRequest) -> Result<ViewIdentity, EngineError> {

@@ -264,3 +264,66 @@ async fn what_one_user_removes_makes_nobody_elses_history_go() {
     let kept = shared.house.get("/api/v1/views/evidence/versions/1", Shows::Token(&shared.root)).await;
     assert_eq!((kept.status.as_u16(), &kept.json()["name"]), (200, &json!("as it was")));
 }
+
+/// Questions of each kind that are answered at once, of one user all but one.
+fn n_long_of_one() -> usize {
+    let n_processors = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
+    n_processors.div_ceil(2).max(2) - 1
+}
+
+impl Shared {
+    /// Has the greedy user ask for what takes long as often as a crowd would; the modest one is answered meanwhile. `n_begun` tells how
+    /// many of the questions were begun.
+    async fn take_turns(&self, path: &str, n_begun: impl Fn(&House) -> usize) {
+        let n_long = n_long_of_one();
+        let (open, gates): (Vec<_>, Vec<_>) =
+            (0..n_long).map(|_| std::sync::mpsc::sync_channel::<()>(1)).unzip();
+        self.house.bench.door.0.lock().unwrap().long_gates = gates;
+        let asked: Vec<_> = (0..n_long + 8)
+            .map(|_| {
+                let request = Request::get(path).header("authorization", format!("Bearer {}", self.greedy));
+                let request = request.body(Body::empty()).unwrap();
+                let router = self.house.bench.router.clone();
+                tokio::spawn(
+                    async move { tower::ServiceExt::oneshot(router, request).await.unwrap().status() },
+                )
+            })
+            .collect();
+        while n_begun(&self.house) < n_long {
+            tokio::time::sleep(std::time::Duration::from_millis(5)).await;
+        }
+        let modest = self.house.get(path, Shows::Token(&self.modest)).await;
+        assert_eq!(modest.status, 200, "{path}: one turn is for others");
+        assert!(asked.iter().all(|asked| !asked.is_finished()), "{path}: the rest wait for their turn");
+        drop(open);
+        for asked in asked {
+            assert_eq!(asked.await.unwrap(), 200, "{path}");
+        }
+    }
+}
+
+#[tokio::test]
+async fn users_take_turns_at_what_is_computed_for_long_behind_what_is_live() {
+    let shared = Shared::new().await;
+    let n_long = n_long_of_one();
+    let left = move |house: &House| n_long - house.bench.door.0.lock().unwrap().long_gates.len();
+    shared.take_turns("/api/v1/scenes/plaza/alignment", left).await;
+    // A thread of its own, whose priority is lower.
+    assert_eq!(shared.house.bench.door.0.lock().unwrap().asked_on.as_deref(), Some("computation"));
+}
+
+#[tokio::test]
+async fn users_take_turns_at_looking_back_before_the_renderer_hears_of_it() {
+    let shared = Shared::new().await;
+    shared.house.bench.door.0.lock().unwrap().looks_back = true;
+    let n_long = n_long_of_one();
+    let state = &shared.house.bench.door.0;
+    let left = move |house: &House| {
+        let state = house.bench.door.0.lock().unwrap();
+        assert_eq!(state.n_views, 0, "the renderer hears of no picture before");
+        n_long - state.long_gates.len()
+    };
+    shared.take_turns("/api/v1/scenes/plaza/view.jpg?width=64&height=48&t=1000000000", left).await;
+    let state = state.lock().unwrap();
+    assert_eq!((state.n_looks_back, state.n_views), (n_long + 9, n_long + 9));
+}

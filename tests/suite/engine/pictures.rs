@@ -35,7 +35,7 @@ type Asked = oneshot::Receiver<Result<ViewAnswer, EngineError>>;
 
 fn ask(bench: &Bench, request: ViewRequest) -> Result<Asked, EngineError> {
     let (reply, answer) = oneshot::channel();
-    Door::view(&*bench.handle, request, Flow::Common, reply).map(|()| answer)
+    Door::view(&*bench.handle, request, Flow::Common.into(), reply).map(|()| answer)
 }
 
 /// The answer, which must come in bounded time.

@@ -244,7 +244,7 @@ fn who_waits_beside_another_caller_gets_no_picture_of_theirs() {
         let other = ViewRequest { width_px: 300 + round, height_px: 200, ..asked() };
         let wait = |handle: &Handle, request: ViewRequest| {
             let (reply, answer) = tokio::sync::oneshot::channel();
-            Door::view(&**handle, request, Flow::Common, reply).unwrap();
+            Door::view(&**handle, request, Flow::Common.into(), reply).unwrap();
             answer
         };
         let asked = ViewRequest { width_px: 40 + round, ..asked() };

@@ -170,6 +170,11 @@ impl WorkerHandle {
         Err(Fault::Worker("it says nothing".to_owned()))
     }
 
+    /// Lets what is live go before it, from now on.
+    pub(in crate::media) fn lower_priority(&self) {
+        self.process.lower_priority();
+    }
+
     /// Returns what takes a camera's frames.
     pub(in crate::media) fn frame_feed(&self) -> FrameFeed {
         FrameFeed::new(&self.link)

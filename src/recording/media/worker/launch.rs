@@ -2,6 +2,7 @@
 
 use super::group::{self, Group};
 use super::serve::serve;
+use crate::priority;
 use std::ffi::OsStr;
 use std::fs::File;
 use std::io::{self, Read as _};
@@ -148,6 +149,11 @@ impl Process {
             .spawn()?;
         let group = groups.and_then(|root| root.confine(child.id()));
         Ok(Self { child, socket: ours, said: File::from(said), group })
+    }
+
+    /// Lets what is live go before it, from now on.
+    pub(super) fn lower_priority(&self) {
+        priority::lower_group(self.child.id());
     }
 
     /// Returns the daemon's end of the socket.

@@ -6,12 +6,13 @@ use super::super::alignment::SceneAlignment;
 use super::super::blurring::{BlurAsked, CameraBlur};
 use super::super::chronicle::SceneTimeline;
 use super::super::entities::{EntityQuery, FoundEntities};
-use super::super::flow::Flow;
+use super::super::flow::Asking;
 use super::super::handle::{
     At, CameraSummary, DecodingSummary, DeviceSummary, Door, LocateMethod, Located, Preview, Readiness,
     RecordingSummary, SceneSummary, StretchedSummary, surface_name,
 };
 use super::super::identity::ViewIdentity;
+use super::super::looked_back::LookedBack;
 use super::super::looking::{FoundCameras, FoundSources};
 use super::super::maps::MapSummary;
 use super::super::permitted::Permitted;
@@ -361,10 +362,18 @@ impl Door for Shared {
     fn view(
         &self,
         request: ViewRequest,
-        flow: Flow,
+        asking: Asking,
         reply: oneshot::Sender<Result<ViewAnswer, EngineError>>,
     ) -> Result<(), EngineError> {
-        self.queue.push(request, flow, reply)
+        self.queue.push(request, asking, reply)
+    }
+
+    fn looks_back(&self, request: &ViewRequest) -> bool {
+        !self.looked_back_at(request).is_empty()
+    }
+
+    fn look_back(&self, request: &ViewRequest) -> Result<LookedBack, EngineError> {
+        self.look_back_for(request)
     }
 
     fn identity(&self, request: &ViewRequest) -> Result<ViewIdentity, EngineError> {
