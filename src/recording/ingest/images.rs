@@ -18,6 +18,12 @@ use videofields_vision::frame::{ColorMatrix, ColorRange, RgbImage, YuvImage};
 /// What is longer is cut, and then no picture: uncompressed, the largest one is smaller.
 const MAX_FILE_BYTES: u64 = 512 << 20;
 
+/// Most bytes of a decoded pixel: four channels of 16 bits.
+const MAX_PIXEL_BYTES: u64 = 8;
+
+/// Most bytes of what a picture's file holds beside the picture: profiles, texts.
+const MAX_BESIDE_BYTES: u64 = 4 << 20;
+
 /// A folder of numbered pictures.
 pub(super) struct NumberedPictures {
     path: PathBuf,
@@ -156,17 +162,36 @@ pub fn read_picture(path: &Path, roots: &MediaRoots) -> Result<RgbImage, IngestE
     Ok(picture)
 }
 
-fn decode(bytes: &[u8]) -> Result<(RgbImage, Option<ImageFormat>), image::ImageError> {
+/// Returns how many bytes decoding may take: a PNG's profiles and texts are compressed too, and may be far larger than its picture.
+fn memory_for(bytes: &[u8], format: Option<ImageFormat>) -> u64 {
+    let largest = u64::from(MAX_SIDE).pow(2);
+    let header = bytes.get(16..24).filter(|_| format == Some(ImageFormat::Png));
+    let n_pixels = header.map_or(largest, |header| {
+        let side =
+            |of: usize| u32::from_be_bytes([header[of], header[of + 1], header[of + 2], header[of + 3]]);
+        u64::from(side(0)).saturating_mul(side(4).into()).min(largest)
+    });
+    n_pixels * MAX_PIXEL_BYTES + MAX_BESIDE_BYTES
+}
+
+/// Reads a picture's header.
+fn open_picture(bytes: &[u8]) -> Result<(impl ImageDecoder + '_, Option<ImageFormat>), image::ImageError> {
     let mut reader = ImageReader::new(Cursor::new(bytes)).with_guessed_format()?;
     let format = reader.format();
     let mut limits = Limits::default();
     (limits.max_image_width, limits.max_image_height) = (Some(MAX_SIDE), Some(MAX_SIDE));
+    limits.max_alloc = Some(memory_for(bytes, format));
     reader.limits(limits);
-    let mut decoder = reader.into_decoder()?;
+    let decoder = reader.into_decoder()?;
     if is_too_large(decoder.dimensions()) {
         let kind = image::error::LimitErrorKind::DimensionError;
         return Err(image::ImageError::Limits(image::error::LimitError::from_kind(kind)));
     }
+    Ok((decoder, format))
+}
+
+fn decode(bytes: &[u8]) -> Result<(RgbImage, Option<ImageFormat>), image::ImageError> {
+    let (mut decoder, format) = open_picture(bytes)?;
     let orientation = decoder.orientation()?;
     let mut picture = image::DynamicImage::from_decoder(decoder)?;
     picture.apply_orientation(orientation);
@@ -211,6 +236,33 @@ mod tests {
         let recorded = pictures.take_encoded().unwrap();
         assert_eq!(recorded.format.size_px(), Some((8, 16)));
         assert_ne!(recorded.len_bytes(), bytes.len(), "not the file's own bytes");
+    }
+
+    /// A profile of 64 MiB in 64 kB of file beside a picture of a few pixels.
+    #[test]
+    fn a_picture_takes_no_more_memory_for_what_stands_beside_it() {
+        let folder = tempfile::tempdir().unwrap();
+        write(folder.path(), "in1.png", [9; 3]);
+        let path = folder.path().join("in1.png");
+        let plain = fs::read(&path).unwrap();
+        let with_profile = |n_bytes: usize| {
+            let mut packed = flate2::write::ZlibEncoder::new(Vec::new(), flate2::Compression::best());
+            io::Write::write_all(&mut packed, &vec![0; n_bytes]).unwrap();
+            let body = [&b"iCCPodd\0\0"[..], &packed.finish().unwrap()].concat();
+            let mut crc = flate2::Crc::new();
+            crc.update(&body);
+            let chunk = [&(body.len() as u32 - 4).to_be_bytes()[..], &body, &crc.sum().to_be_bytes()];
+            let mut bytes = plain.clone();
+            bytes.splice(33..33, chunk.concat());
+            bytes
+        };
+        for (n_bytes, n_kept) in [(64 << 10, Some(64 << 10)), (64 << 20, None)] {
+            let bytes = with_profile(n_bytes);
+            let (mut decoder, _) = open_picture(&bytes).expect("its profile counts for nothing");
+            assert_eq!(decoder.icc_profile().unwrap().map(|profile| profile.len()), n_kept);
+            let (picture, _) = decode(&bytes).expect("it is a picture");
+            assert_eq!((picture.width, picture.height), (6, 4));
+        }
     }
 
     #[test]

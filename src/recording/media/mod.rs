@@ -31,6 +31,7 @@ mod rtsp;
 mod sink;
 mod tap;
 mod tls;
+mod unfinished;
 mod worker;
 
 pub use announced::{MAX_SIDE, is_too_large};

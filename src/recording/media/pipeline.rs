@@ -13,7 +13,7 @@ use super::input::{Client, Connection, Keep, Memory, Source, make};
 use super::linking::{link_first_video, watch};
 use super::probes::{be_patient, count_entries, refuse_large_pictures, tell_large_pictures};
 use super::sink::{count_arrivals, free_with_the_last_user, make_sink};
-use super::{EncodedQueue, Fault, tap};
+use super::{EncodedQueue, Fault, tap, unfinished};
 use gst::glib;
 use gst::prelude::*;
 use gstreamer as gst;
@@ -99,6 +99,7 @@ impl Pipeline {
         let built = Built::new(source, Aim::Frames, |parts| {
             let parse = make("parsebin")?;
             watch(&parse, parts);
+            unfinished::bound(&parse, parts);
             tap::hand_over_first_video(&parse, parts, (encoded, frames));
             Ok(parse)
         })?;

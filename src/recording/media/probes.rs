@@ -86,10 +86,10 @@ pub(super) fn be_patient(element: &gst::Element, n_damaged: &Arc<AtomicU64>) {
     });
 }
 
-/// Takes a probe's buffer, so that whoever it was for never sees it. `GStreamer` 1.22 complains where it is told to drop it,
+/// Takes a probe's buffer or list of them, so that whoever it was for never sees it. `GStreamer` 1.22 complains where it is told to drop it,
 /// or that it was refused.
-fn take_away(info: &mut gst::PadProbeInfo<'_>) -> gst::PadProbeReturn {
-    drop(info.take_buffer());
+pub(super) fn take_away(info: &mut gst::PadProbeInfo<'_>) -> gst::PadProbeReturn {
+    drop(info.data.take());
     info.flow_res = Ok(gst::FlowSuccess::Ok);
     gst::PadProbeReturn::Handled
 }

@@ -251,4 +251,40 @@ mod tests {
         alone.work.push(("a", Kind::Small, 30));
         assert_eq!(alone.turn().1, Kind::Small);
     }
+
+    #[test]
+    fn who_was_away_comes_before_nobody_for_that() {
+        let mut bench = Bench::new(&[("a", Kind::Large, 300), ("b", Kind::Large, 300)]);
+        bench.spent(2);
+        let a = bench.work.remove(0);
+        bench.spent(50);
+        // Of two who come now, the one who had a turn long ago has no earlier beginning: the small picture goes first.
+        bench.work.push(a);
+        bench.work.push(("c", Kind::Small, 20));
+        bench.turns.note(&user("c"));
+        assert_eq!(bench.turn(), ("c", Kind::Small));
+    }
+
+    #[test]
+    fn a_kind_saves_up_no_turns_while_a_flow_has_none_of_it() {
+        let mut bench = Bench::new(&[("a", Kind::Large, 300)]);
+        bench.spent(20);
+        bench.work.push(("a", Kind::Small, 30));
+        let turns: Vec<Kind> = (0..40).map(|_| bench.turn().1).collect();
+        let n_large = turns.iter().filter(|kind| **kind == Kind::Large).count();
+        assert!(n_large >= 2, "half of the time: {turns:?}");
+    }
+
+    #[test]
+    fn who_leaves_and_comes_back_is_still_ahead() {
+        let mut bench = Bench::new(&[("a", Kind::Large, 3000), ("b", Kind::Large, 300)]);
+        assert_eq!(bench.turn().0, "a");
+        let a = bench.work.remove(0);
+        bench.turns.tidy(|flow| *flow == user("b"));
+        assert_eq!(bench.turn().0, "b");
+        bench.work.push(a);
+        bench.turns.note(&user("a"));
+        let turns: Vec<&str> = (0..8).map(|_| bench.turn().0).collect();
+        assert!(turns.iter().all(|name| *name == "b"), "{turns:?}");
+    }
 }

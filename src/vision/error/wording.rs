@@ -59,18 +59,27 @@ pub(super) enum Complaint<'a> {
 impl<'a> Complaint<'a> {
     /// Takes apart a message of `serde::de::Error`'s constructors, whose wording serde has kept since 1.0.
     pub(super) fn parse(message: &'a str) -> Self {
-        let mut quoted = message.split('`').skip(1).step_by(2);
-        let first = quoted.next().unwrap_or_default();
-        if message.starts_with("unknown field `") {
-            Self::UnknownKey { key: first, allowed: quoted.collect() }
-        } else if message.starts_with("missing field `") {
-            Self::MissingKey { key: first }
-        } else if message.starts_with("unknown variant `") {
-            Self::Other { message: unknown("value", first, &quoted.collect::<Vec<_>>()) }
+        if let Some((key, allowed)) = message.strip_prefix("unknown field `").and_then(expected) {
+            Self::UnknownKey { key, allowed }
+        } else if let Some(key) =
+            message.strip_prefix("missing field `").and_then(|rest| rest.strip_suffix('`'))
+        {
+            Self::MissingKey { key }
+        } else if let Some((value, allowed)) = message.strip_prefix("unknown variant `").and_then(expected) {
+            Self::Other { message: unknown("value", value, &allowed) }
         } else {
             Self::Other { message: plain(message) }
         }
     }
+}
+
+/// Takes apart what follows the quote before a word that is not known: the word, which may hold anything, quotes too, and the words that
+/// are allowed.
+fn expected(rest: &str) -> Option<(&str, Vec<&str>)> {
+    // The last are serde's own.
+    let end = [rest.rfind("`, expected "), rest.rfind("`, there are no ")].into_iter().flatten().max()?;
+    let (word, allowed) = rest.split_at(end);
+    Some((word, allowed[1..].split('`').skip(1).step_by(2).collect()))
 }
 
 /// serde names Rust's types; people who write documents know numbers and texts.
@@ -132,5 +141,45 @@ mod tests {
         assert_eq!(unknown("key", "zzz", &["listen"]), "unknown key `zzz`; allowed: listen");
         assert_eq!(unknown("key", "a\nb", &[]), "unknown key `a\\nb`; allowed: none");
         assert!(unknown("key", &"x".repeat(10_000), &["listen"]).len() < 200);
+    }
+
+    #[test]
+    fn quotes_within_a_key_are_part_of_it() {
+        use serde::Deserialize;
+        #[derive(Debug, Deserialize)]
+        #[serde(deny_unknown_fields)]
+        struct Two {
+            #[expect(dead_code, reason = "its name counts")]
+            listen: Option<u8>,
+            #[expect(dead_code, reason = "its name counts")]
+            port: Option<u8>,
+        }
+        #[derive(Debug, Deserialize)]
+        #[serde(deny_unknown_fields)]
+        struct None {}
+        #[derive(Debug, Deserialize)]
+        enum Word {
+            #[serde(rename = "on")]
+            On,
+        }
+        fn complaint<T: serde::de::DeserializeOwned + std::fmt::Debug>(value: serde_json::Value) -> String {
+            serde_json::from_value::<T>(value).expect_err("it is odd").to_string()
+        }
+        for key in ["a`b", "`", "x`, expected `\u{1b}[2J", "x`, there are no fields", "``\u{7f}``"] {
+            let odd = serde_json::json!({ key: 1 });
+            let message = complaint::<Two>(odd.clone());
+            let Complaint::UnknownKey { key: found, allowed } = Complaint::parse(&message) else {
+                panic!("{message}")
+            };
+            assert_eq!((found, &allowed[..]), (key, &["listen", "port"][..]), "{message}");
+            let message = complaint::<None>(odd);
+            let Complaint::UnknownKey { key: found, allowed } = Complaint::parse(&message) else {
+                panic!("{message}")
+            };
+            assert_eq!((found, allowed.len()), (key, 0), "{message}");
+            let message = complaint::<Word>(serde_json::json!(key));
+            let Complaint::Other { message } = Complaint::parse(&message) else { panic!("{message}") };
+            assert!(message.ends_with("allowed: on") && !message.contains(char::is_control), "{message:?}");
+        }
     }
 }

@@ -463,3 +463,60 @@ fn what_others_wait_for_is_part_of_what_is_told() {
     let share = |secs| bench.queue.share_of(&owner, Duration::from_secs(secs)).as_secs();
     assert_eq!((share(4), share(20)), (2, 14));
 }
+
+#[test]
+fn one_picture_may_be_larger_than_the_queue_and_no_second_one_beside_it() {
+    let (width, height) = (20_000, 18_000);
+    assert!(request_bytes(&ViewRequest { height_px: height, ..request(width) }) > MAX_BYTES);
+    for flow in [Flow::Common, user("only")] {
+        let bench = Bench::with_length(1024);
+        let first = bench.ask_by(&flow, (width, height)).expect("nothing else waits");
+        assert!(bench.ask_by(&flow, SMALL).is_err() && bench.ask_by(&user("other"), SMALL).is_err());
+        assert_eq!(bench.n_refused(ViewRefusal::QueueBytes), 2);
+        drop(first);
+        // Together no more than that, also of callers whom nothing tells apart.
+        let held: Vec<Answer> =
+            (0..30).map_while(|idx| bench.ask_by(&Flow::Common, (6000 + idx, 5000)).ok()).collect();
+        assert_eq!(held.len(), 11, "90 MB each, of a gibibyte");
+    }
+    // Whoever holds nothing gets a place for one that leaves less free than a share asks for.
+    let bench = Bench::with_length(1024);
+    let _large = bench.ask_by(&user("greedy"), (18_000, 17_000)).expect("nothing else waits");
+}
+
+#[test]
+fn pieces_of_four_pictures_at_most_are_drawn_at_once() {
+    let bench = Bench::with_length(64);
+    let mut drawn = HashMap::new();
+    let users: Vec<Flow> = (0..8).map(|idx| user(&format!("user{idx}"))).collect();
+    // One piece of each would be drawn in turn.
+    let size = |idx: u32| (LARGE.0 + idx, 1000);
+    let _asked: Vec<Answer> =
+        (0..8).map(|idx| bench.ask_by(&users[idx as usize], size(idx)).expect("there is room")).collect();
+    let turns: Vec<u32> = (0..16).map_while(|_| bench.turn(&mut drawn, 4)).collect();
+    assert_eq!(turns.len(), 16);
+    let begun: std::collections::HashSet<u32> = turns.iter().copied().collect();
+    assert_eq!(begun.len(), 4, "the others wait until one is finished: {turns:?}");
+}
+
+#[test]
+fn what_a_caller_waited_before_the_queue_counts() {
+    let bench = Bench::new();
+    bench.pass(10);
+    let (reply, mut answer) = oneshot::channel();
+    let since = Some(bench.clock.monotonic().saturating_sub(Duration::from_secs(6)));
+    bench.queue.push(request(1), Asking { flow: Flow::Common, since }, reply).expect("there is room");
+    let _later = bench.ask(2);
+    bench.pass(3);
+    assert_eq!(bench.next(), Some(2), "the one that is late is refused");
+    bench.finish();
+    let late = answer_of(&mut answer).expect("it waited for 9 s").expect_err("late");
+    assert!(matches!(late, EngineError::Late { stage: LateStage::Waiting, .. }), "{late}");
+    // A moment still to come is none.
+    let (reply, mut answer) = oneshot::channel();
+    let since = Some(bench.clock.monotonic() + Duration::from_secs(60));
+    bench.queue.push(request(3), Asking { flow: Flow::Common, since }, reply).expect("there is room");
+    bench.pass(9);
+    assert_eq!(bench.next(), None);
+    assert!(answer_of(&mut answer).is_some());
+}
