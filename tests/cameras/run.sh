@@ -6,6 +6,7 @@
 #                                        against one set of them for SECS seconds (12) and prints what each camera came to
 #
 # Cameras that fail at random for an hour, and where each of their frames is: tests/cameras/hour.py FOLDER.
+# Bombs of every kind, and what they do to the daemon and to other cameras: tests/cameras/bombs.py.
 # Needs ffmpeg and Python 3 for a folder. Ends with 1 where a test of the suite fails.
 set -euo pipefail
 cd "$(dirname "$0")/../.."
