@@ -14,8 +14,8 @@ files are looked at before (`POST /api/v1/sources/look`). Of each it is told:
 - the rate of the slower of the ordinary cameras meanwhile.
 
 Prints a table and a line at the end. Ends with 1 where a bomb moves the daemon's RSS by 50 MiB or more, an ordinary camera falls
-below 80 % of its rate, or a bomb's reason does not say within 10 s what is wrong with it. What is shown
-since its format has no room for more may also cost what a sound camera of its size costs. Needs Python 3.11 and nothing else.
+below 80 % of its rate, or a bomb's reason does not say within 10 s what is wrong with it. JPEG over RTSP, whose pictures have room
+for 2040 pixels a side, is shown, and may cost what a sound camera of that size costs as well. Needs Python 3.11 and nothing else.
 """
 import argparse
 import base64
@@ -39,6 +39,8 @@ from harness.callers import Caller  # noqa: E402
 from harness.house import end_with_parent, status_mib  # noqa: E402
 
 MOST_MIB, LEAST_SHARE, REASON_SECS, SAMPLE_SECS = 50.0, 0.8, 10.0, 0.05
+# Time for a look at the cameras: one that gives no frame is told so when it gave none for just these ten seconds.
+LOOK_SECS = 1.0
 RATE_HZ = 10.0
 # Bytes a second of what never ends: more than any camera sends, and less than a processor's whole time.
 FLOOD_BYTES = 8 << 20
@@ -230,7 +232,7 @@ def h265(side=16384):
     sequence = Bits().put((4, 0), (3, 0), (1, 1))
     sequence.text += layers
     sequence.golomb(0, 1, side, side).put((1, 0)).golomb(0, 0, 4).put((1, 1)).golomb(4, 0, 0, 0, 3, 0, 3, 0, 0)
-    sequence.put((4, 0)).golomb(0).put((4, 0))
+    sequence.put((4, 0)).golomb(0).put((5, 0))
     picture = Bits().golomb(0, 0).put((7, 0)).golomb(0, 0, 0).put((3, 0)).golomb(0, 0).put((11, 0)).golomb(0).put((2, 0))
     return [escaped(bytes([kind << 1, 1]) + bits.bytes()) for kind, bits in ((32, video), (33, sequence), (34, picture))] + [
         escaped(bytes([19 << 1, 1, 0xac]) + b"\x5a" * 200)]
@@ -610,9 +612,9 @@ def file_bombs():
         ("mkv-raw-file", ".mkv", matroska(b"V_UNCOMPRESSED", bytes(64), ebml("e0", ebml("2eb524", b"I420")), width=60000, height=60000),
          of_size(60000)),
         ("mkv-nested-file", ".mkv", matroska(b"V_VP8", vp8(), before=ebml("1254c367", ebml("7373", nested(20000)))), of_size(16383)),
-        ("mkv-zipped-file", ".mkv", matroska(b"V_MJPEG", packed, ZIPPED, n_frames=2), "cannot be decoded|ends before its first frame"),
+        ("mkv-zipped-file", ".mkv", matroska(b"V_MJPEG", packed, ZIPPED, n_frames=2), "ends before its first frame|gave no frame for 10 s"),
         ("mkv-private-file", ".mkv", matroska(b"V_VP8", vp8(), ebml("63a2", bytes(16), announced=1 << 40)),
-         "no video|cannot be (decoded|parted)|ends before its first frame"),
+         "breaks off|no video|ends before its first frame|too large"),
         ("mkv-block-file", ".mkv", matroska(b"V_VP8", b"", cluster=ebml("1f43b675", ebml("e7", 0), ebml("a3", bytes(16), announced=1 << 40))),
          "ends before its first frame|cannot be decoded"),
         ("mp4-file", ".mp4", mp4(b"avc1", avcc(avc), [struct.pack(">I", len(avc[2])) + avc[2]] * 20), of_size(16384)),
@@ -621,7 +623,7 @@ def file_bombs():
          "no video|cannot be decoded|ends before its first frame|too large"),
         ("mp4-sample-file", ".mp4", mp4(b"jpeg", b"", [sound], n_announced=1, size_announced=0xfffffff0),
          "no video|cannot be decoded|ends before its first frame|too large"),
-        ("mp4-nested-file", ".mp4", box(b"ftyp", b"isom\0\0\2\0isom") + nested_boxes(b"moov", 50000), "no video|cannot be decoded"),
+        ("mp4-nested-file", ".mp4", box(b"ftyp", b"isom\0\0\2\0isom") + nested_boxes(b"moov", 50000), "no video|its decoding process ended, since it crashed"),
         ("mp4-zipped-file", ".mov", mp4_zipped(256 * MIB), "no video|cannot be decoded"),
         ("avi-file", ".avi", avi(b"MJPG", jpeg(65500, 65500)), of_size(65500)),
         ("avi-raw-file", ".avi", avi(None, bytes(64), 32767, 32767), of_size(32767)),
@@ -635,7 +637,7 @@ def file_bombs():
         ("png-numbered", ".png", png(65500, 65500), TOO_LARGE),
         ("jpeg-numbered", ".jpg", jpeg(65500, 65500), TOO_LARGE),
         ("png-zeros-numbered", ".png", png(8000, 8000, zeros(64 * MIB)), TOO_LARGE),
-        ("png-profile-numbered", ".png", png(64, 64, small, chunk(b"iCCP", profile)), "^live"),
+        ("png-profile-numbered", ".png", png(64, 64, small, chunk(b"iCCP", profile)), "^live|it is ready and waits for the files"),
         ("gif-numbered", ".png", gif(), "(?i)gif.*not supported|cannot decode .*JPEG or PNG"),
     ]
     return [Bomb(name, way, (ending, data), right) for way, bombs in (("file", films), ("numbered", numbered))
@@ -663,9 +665,9 @@ def http_bombs():
         ("length", answer("image/jpeg", jpeg_head(640, 480), length=8 << 30), "sent no frame|never end|no JPEG picture|picture.*end"),
         ("length-of-part", parts([jpeg(65500, 65500)], length=8 << 30), of_size(65500)),
         ("endless-picture", Flood(multipart + b"\r\n" + jpeg_head(640, 480), b"\x5a" * 65536),
-         "picture.*(end|too large|larger)|sent no frame|cannot be decoded"),
+         "no JPEG picture in|picture.*(end|too large|larger)"),
         ("endless-segments", Flood(multipart + b"\r\n\xff\xd8", segment(0xe1, bytes(65000))),
-         "picture.*(end|too large|larger)|sent no frame|no JPEG picture"),
+         "no JPEG picture in|picture.*(end|too large|larger)"),
         ("endless-part", Flood(multipart + b"Content-Type: image/jpeg\r\n\r\n", b"\x5a" * 65536), sends("multipart")),
         ("endless-head", Flood(b"HTTP/1.1 200 OK\r\n", b"X-Field: " + b"x" * 60000 + b"\r\n"), "does not answer as a camera"),
         ("endless-field", Flood(b"HTTP/1.1 200 OK\r\nX: ", b"x" * 65536), "does not answer as a camera"),
@@ -846,7 +848,7 @@ class Run:
                     came[bomb.name] = (passed, text, re.search(bomb.right, text) is not None and camera["state"] != "connecting" or
                                        camera["reason"] is not None and re.search(bomb.right, camera["reason"]) is not None)
             is_done = all(came.get(bomb.name, (0, "", False))[2] for bomb in bombs)
-            if cameras and passed >= secs and (is_done or passed >= REASON_SECS):
+            if cameras and passed >= secs and (is_done or passed >= REASON_SECS + LOOK_SECS):
                 break
             time.sleep(0.2)
         rates = [(cameras[of]["frames"] - first[of]["frames"]) / passed for of in ORDINARY]
