@@ -573,6 +573,8 @@ class Bomb:
         return len(self.content[1]) if self.way in ("file", "numbered") else None
 
 
+# Files begin together: one that is ready may wait for others.
+SHOWN = "^(live|ended)|it is ready and waits for the files"
 # Numbered pictures are not told with their size, but with the one that is allowed.
 TOO_LARGE = "8192 pixels a side and 36 megapixels.*size exceeds limit"
 
@@ -596,8 +598,8 @@ def file_bombs():
         ("gif-file", ".gif", gif(), "(?i)gif.*, which is not supported"),
         ("png-file", ".png", png(65500, 65500), of_size(65500)),
         ("png-zeros-file", ".png", png(65500, 65500, zeros(256 * MIB)), of_size(65500)),
-        ("png-long-body-file", ".png", png(64, 64, zeros(256 * MIB)), "^(live|ended)"),
-        ("png-profile-file", ".png", png(64, 64, small, chunk(b"iCCP", profile)), "^(live|ended)"),
+        ("png-long-body-file", ".png", png(64, 64, zeros(256 * MIB)), SHOWN),
+        ("png-profile-file", ".png", png(64, 64, small, chunk(b"iCCP", profile)), SHOWN),
         ("jpeg-file", ".jpg", jpeg(65500, 65500), of_size(65500)),
         ("bmp-file", ".bmp", bmp(60000, 60000), of_size(60000)),
         ("bmp-packed-file", ".bmp", bmp(60000, 60000, 8, 1, b"\xff\0" * 40 + b"\0\1"), of_size(60000)),
@@ -623,7 +625,8 @@ def file_bombs():
          "no video|cannot be decoded|ends before its first frame|too large"),
         ("mp4-sample-file", ".mp4", mp4(b"jpeg", b"", [sound], n_announced=1, size_announced=0xfffffff0),
          "no video|cannot be decoded|ends before its first frame|too large"),
-        ("mp4-nested-file", ".mp4", box(b"ftyp", b"isom\0\0\2\0isom") + nested_boxes(b"moov", 50000), "no video|its decoding process ended, since it crashed"),
+        ("mp4-nested-file", ".mp4", box(b"ftyp", b"isom\0\0\2\0isom") + nested_boxes(b"moov", 50000),
+         "no video|its decoding process ended, since it crashed"),
         ("mp4-zipped-file", ".mov", mp4_zipped(256 * MIB), "no video|cannot be decoded"),
         ("avi-file", ".avi", avi(b"MJPG", jpeg(65500, 65500)), of_size(65500)),
         ("avi-raw-file", ".avi", avi(None, bytes(64), 32767, 32767), of_size(32767)),
@@ -637,7 +640,7 @@ def file_bombs():
         ("png-numbered", ".png", png(65500, 65500), TOO_LARGE),
         ("jpeg-numbered", ".jpg", jpeg(65500, 65500), TOO_LARGE),
         ("png-zeros-numbered", ".png", png(8000, 8000, zeros(64 * MIB)), TOO_LARGE),
-        ("png-profile-numbered", ".png", png(64, 64, small, chunk(b"iCCP", profile)), "^live|it is ready and waits for the files"),
+        ("png-profile-numbered", ".png", png(64, 64, small, chunk(b"iCCP", profile)), SHOWN),
         ("gif-numbered", ".png", gif(), "(?i)gif.*not supported|cannot decode .*JPEG or PNG"),
     ]
     return [Bomb(name, way, (ending, data), right) for way, bombs in (("file", films), ("numbered", numbered))
