@@ -15,18 +15,25 @@ use std::sync::mpsc::SyncSender;
 /// Most bytes of one encoded frame. A key frame of 36 megapixels at the best quality of usual cameras takes less.
 const MAX_FRAME_BYTES: u64 = 16 << 20;
 
-/// Most bytes before the first frame: what joins packets drops those before the codec's header, which some cameras send with their key
-/// frames alone, tens of seconds apart.
+/// Most bytes before the first frame of H.264 and H.265: what joins packets drops those before the codec's header, which some cameras send
+/// with their key frames alone, tens of seconds apart.
 const MAX_BYTES_BEFORE: u64 = 32 << 20;
 
 /// Bytes that an element has been given since it last gave something.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug)]
 struct Held {
     n_bytes: Arc<AtomicU64>,
+    /// The most that it may have until it gives something for the first time.
+    max_before_bytes: u64,
     has_begun: Arc<AtomicBool>,
 }
 
 impl Held {
+    /// Begins to count, of an element that may have so many bytes until it gives something.
+    fn new(max_before_bytes: u64) -> Self {
+        Self { n_bytes: Arc::default(), max_before_bytes, has_begun: Arc::default() }
+    }
+
     /// Counts what comes in at `entry`, reports the first frame that is too large, and lets nothing further of that stream in.
     fn count_in(&self, entry: &gst::Pad, faults: &SyncSender<Fault>) {
         let (held, faults) = (self.clone(), faults.clone());
@@ -36,7 +43,7 @@ impl Held {
             let n_bytes = u64::try_from(n_bytes).unwrap_or(u64::MAX);
             let n_held = held.n_bytes.fetch_add(n_bytes, Ordering::Relaxed).saturating_add(n_bytes);
             let has_begun = held.has_begun.load(Ordering::Relaxed);
-            let limit = if has_begun { MAX_FRAME_BYTES } else { MAX_BYTES_BEFORE };
+            let limit = if has_begun { MAX_FRAME_BYTES } else { held.max_before_bytes };
             if n_held <= limit {
                 return gst::PadProbeReturn::Ok;
             }
@@ -67,7 +74,7 @@ pub(super) fn bound(reader: &gst::Element, parts: &Parts<'_>) {
             return;
         }
         if let (Some(entry), Some(exit)) = (element.static_pad("sink"), element.static_pad("src")) {
-            let held = Held::default();
+            let held = Held::new(max_before_bytes(element));
             held.count_in(&entry, &faults);
             held.clear_at(&exit);
         }
@@ -78,11 +85,18 @@ pub(super) fn bound(reader: &gst::Element, parts: &Parts<'_>) {
         let is_encoded = exit.current_caps().unwrap_or_else(|| exit.query_caps(None));
         let is_encoded = is_encoded.structure(0).is_some_and(|kind| kind.name() != "video/x-raw");
         if let Some(entry) = entry.as_ref().filter(|_| is_encoded) {
-            let held = Held::default();
+            let held = Held::new(MAX_FRAME_BYTES);
             held.count_in(entry, &faults);
             held.clear_at(exit);
         }
     });
+}
+
+/// Returns the most bytes that an element which joins packets may have until it gives something.
+fn max_before_bytes(element: &gst::Element) -> u64 {
+    let waits = |name: &str| matches!(name, "rtph264depay" | "rtph265depay");
+    let waits = element.factory().is_some_and(|factory| waits(&factory.name()));
+    if waits { MAX_BYTES_BEFORE } else { MAX_FRAME_BYTES }
 }
 
 /// Tells an element that joins packets of encoded frames. That of unencoded ones has memory for one picture, whose size is looked at.
@@ -118,7 +132,7 @@ mod tests {
         let joiner = pipeline.by_name("joiner").unwrap();
         assert!(joins_packets(&joiner));
         let (faults, reported) = sync_channel(8);
-        let held = Held::default();
+        let held = Held::new(max_before_bytes(&joiner));
         held.count_in(&joiner.static_pad("sink").unwrap(), &faults);
         held.clear_at(&joiner.static_pad("src").unwrap());
         let source = pipeline.by_name("source").unwrap().downcast::<gst_app::AppSrc>().unwrap();
