@@ -56,7 +56,7 @@ impl Api {
             return None;
         }
         let asked = request.clone();
-        // What is wrong with the request is told when the picture is asked for.
+        // A fault of the request is told when the picture is asked for.
         self.looking_back("looking back", move |door| door.look_back(&asked)).await.ok()
     }
 

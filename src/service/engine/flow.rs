@@ -258,7 +258,7 @@ mod tests {
         bench.spent(2);
         let a = bench.work.remove(0);
         bench.spent(50);
-        // Of two who come now, the one who had a turn long ago has no earlier beginning: the small picture goes first.
+        // A flow that had a turn long ago begins no earlier than one that comes now: the small picture goes first.
         bench.work.push(a);
         bench.work.push(("c", Kind::Small, 20));
         bench.turns.note(&user("c"));

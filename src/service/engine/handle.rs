@@ -730,7 +730,7 @@ impl Handle {
         self.view_since(request, None).await
     }
 
-    /// As [`Self::view`], for a caller who began to wait for it at `since`, by the engine's clock.
+    /// Returns a picture of a scene to a caller who began to wait for it at `since`, by the engine's clock.
     ///
     /// # Errors
     /// As [`Self::view`].

@@ -21,7 +21,7 @@ pub struct LookedBack {
     picture: u64,
 }
 
-/// What a camera saw, and whether it is known what moved; or why there is nothing.
+/// A camera's observation, with true where it is known what moved; or the reason why there is none.
 pub(super) type Looked = Result<(Observation, bool), ReplayError>;
 
 /// Observations that pictures wait for. Holds no more than callers do: each keeps those of one instant.

@@ -82,7 +82,7 @@ pub(crate) struct State {
     pub(super) export_gate: Option<(SyncSender<()>, Receiver<()>)>,
     /// Each question about clocks, and each look back for a picture, takes one and waits until it may go on.
     pub(super) long_gates: Vec<Receiver<()>>,
-    /// Whether pictures show what has to be read and decoded.
+    /// True where pictures show what has to be read and decoded.
     pub(super) looks_back: bool,
     /// Looks back, and thread of the last question about clocks.
     pub(super) n_looks_back: usize,
