@@ -129,7 +129,7 @@ mod tests {
     use super::*;
     use videofields_vision::frame::{ColorMatrix, ColorRange, Frame, Mask, YuvImage};
 
-    fn seen(camera: &CameraId, at: Timestamp) -> Looked {
+    fn observation_of(camera: &CameraId, at: Timestamp) -> Looked {
         let image = Arc::new(YuvImage::filled(4, 2, [9, 128, 128], ColorMatrix::Bt601, ColorRange::Limited));
         let mask = Arc::new(Mask::filled(4, 2, 0));
         let observation = Observation {
@@ -149,9 +149,9 @@ mod tests {
         let [west, east] = ["west", "east"].map(|id| CameraId::new(id).expect("an id"));
         let [early, late] = [1, 2].map(Timestamp::from_nanos);
         let (first, second) = (memory.begin(), memory.begin());
-        first.keep(west.clone(), early, (3, seen(&west, early)));
-        second.keep(west.clone(), early, (3, seen(&west, early)));
-        second.keep(east.clone(), late, (0, seen(&east, late)));
+        first.keep(west.clone(), early, (3, observation_of(&west, early)));
+        second.keep(west.clone(), early, (3, observation_of(&west, early)));
+        second.keep(east.clone(), late, (0, observation_of(&east, late)));
         assert!(memory.find(&west, early, 3).is_some());
         assert!(memory.find(&west, early, 4).is_none(), "under other zones it is another picture");
         first.keep(
