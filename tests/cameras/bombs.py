@@ -699,7 +699,7 @@ def rtsp_bombs():
         ("h265-described", (described(96, "H265", hevc_sets), hevc[3:]), of_size(16384)),
         ("vp8", (described(96, "VP8"), [b"\x10" + vp8()]), of_size(16383)),
         ("vp9", (described(96, "VP9"), [b"\x0c" + vp9()]), of_size(65536)),
-        ("av1", (described(96, "AV1"), [av1_payload]), of_size(65536)),
+        ("av1", (described(96, "AV1"), [av1_payload]), of_size(65536) + "|needs a reader for AV1 over RTP, which is not installed"),
         ("mpeg4", (described(96, "MP4V-ES", f"profile-level-id=1;config={layer[0].hex()}"), [layer[0] + layer[1]]), of_size(8191)),
         ("raw", (described(96, "raw", raw.format(32766)), [line]), of_size(32766)),
         ("raw-largest", (described(96, "raw", raw.format(2147483646)), [line]), r"2147483646|not supported|pictures of|size"),

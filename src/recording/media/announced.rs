@@ -9,7 +9,7 @@ mod headers;
 mod tests;
 
 use gstreamer as gst;
-use headers::{av1, bmp, h264, h265, mpeg4, png, vp8, vp9};
+use headers::{av1, bmp, h264, h265, mpeg4, png, vp8, vp9, y4m};
 
 /// Most columns and rows of a picture: beyond it lies what no camera makes.
 pub const MAX_SIDE: u32 = 8192;
@@ -118,8 +118,20 @@ pub(super) fn in_bytes(format: &gst::StructureRef, bytes: &[u8]) -> Announced {
         "video/x-vp9" => vp9(bytes),
         "video/x-av1" => av1(bytes),
         "video/mpeg" | "video/x-divx" | "video/x-xvid" => mpeg4(bytes),
+        "application/x-yuv4mpeg" => y4m(bytes),
         _ => Announced::Nothing,
     }
+}
+
+/// Returns what a buffer in front of a parser announces. A bare stream of AV1 has nothing by which its units are found again: only its
+/// beginning, which is a temporal delimiter, can be read before it was parsed.
+pub(super) fn before_parser(format: &gst::StructureRef, bytes: &[u8]) -> Announced {
+    const DELIMITER: [u8; 2] = [0x12, 0];
+    let is_cut_anywhere = format.name() == "video/x-av1" && !format.has_field("alignment");
+    if is_cut_anywhere && !bytes.starts_with(&DELIMITER) {
+        return Announced::Nothing;
+    }
+    in_bytes(format, bytes)
 }
 
 #[derive(Clone, Copy)]

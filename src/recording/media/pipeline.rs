@@ -24,6 +24,9 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::time::Duration;
 
+/// Text of the errors by which elements say that they do not go on, and nothing of why.
+const UNNAMED_ERROR: &str = "Internal data stream error";
+
 /// Most threads of one decoder: many cameras decode side by side.
 const MAX_DECODER_THREADS: usize = 2;
 
@@ -210,10 +213,15 @@ impl Pipeline {
         if let Some(fault) = self.unread_video() {
             return fault;
         }
-        let detail = error.message().trim_end_matches('.').to_owned();
+        let detail = error.message().trim_end_matches('.');
         match error.kind::<gst::StreamError>() {
-            Some(gst::StreamError::TypeNotFound | gst::StreamError::WrongType) => Fault::NotVideo(detail),
-            _ => Fault::Damaged(detail),
+            Some(gst::StreamError::TypeNotFound | gst::StreamError::WrongType) => {
+                Fault::NotVideo(detail.to_owned())
+            }
+            _ if detail == UNNAMED_ERROR => Fault::Damaged(
+                "it breaks off: its container is damaged, or claims more than it holds".to_owned(),
+            ),
+            _ => Fault::Damaged(detail.to_owned()),
         }
     }
 
@@ -288,9 +296,7 @@ impl Built {
                 count_entries(element, &entries);
             }
             refuse_large_pictures(element, &size_faults);
-            if hands_over {
-                tell_large_pictures(element, &size_faults);
-            }
+            tell_large_pictures(element, &size_faults);
         });
         let (streams, unknown_streams) = sync_channel(8);
         let has_handed_over_all = Arc::<AtomicBool>::default();

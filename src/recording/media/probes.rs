@@ -16,6 +16,9 @@ use std::sync::{Arc, Mutex, PoisonError};
 /// Frames with headers that cannot be read, of which a stream may begin with so many; one that has nothing else gives no picture.
 const MAX_UNREADABLE: u64 = 50;
 
+/// The one reader of a container that makes pictures by itself.
+const READER_OF_YUV4MPEG: &str = "y4mdec";
+
 /// The size, in bytes, up to which a buffer may be a placeholder for a frame.
 const LARGEST_PLACEHOLDER_BYTES: usize = 16;
 
@@ -94,18 +97,21 @@ pub(super) fn take_away(info: &mut gst::PadProbeInfo<'_>) -> gst::PadProbeReturn
     gst::PadProbeReturn::Handled
 }
 
-/// Tells of pictures beyond the limits where they reach a parser, since parsers refuse the largest without a word of their size.
+/// Tells of pictures beyond the limits where they reach a parser, or the reader of YUV4MPEG, since these refuse the largest without a word
+/// of their size.
 pub(super) fn tell_large_pictures(element: &gst::Element, faults: &SyncSender<Fault>) {
-    let is_parser =
-        element.factory().is_some_and(|factory| factory.has_type(gst::ElementFactoryType::PARSER));
-    let Some(pad) = element.static_pad("sink").filter(|_| is_parser) else { return };
+    let is_reader = element.factory().is_some_and(|factory| {
+        factory.has_type(gst::ElementFactoryType::PARSER) || factory.name() == READER_OF_YUV4MPEG
+    });
+    let Some(pad) = element.static_pad("sink").filter(|_| is_reader) else { return };
     let faults = faults.clone();
     pad.add_probe(gst::PadProbeType::BUFFER, move |pad, info| {
-        let caps = pad.current_caps();
-        let format = caps.as_ref().and_then(|caps| caps.structure(0));
+        // What reads by itself, instead of being given bytes, is not told their format.
+        let caps = pad.current_caps().unwrap_or_else(|| pad.pad_template_caps());
+        let format = caps.structure(0);
         let bytes = info.buffer().and_then(|buffer| buffer.map_readable().ok());
         if let (Some(format), Some(bytes)) = (format, bytes)
-            && let Announced::Size((width, height)) = announced::in_bytes(format, &bytes)
+            && let Announced::Size((width, height)) = announced::before_parser(format, &bytes)
             && is_too_large((width, height))
         {
             report(&faults, Fault::TooLarge { width, height });

@@ -1,7 +1,7 @@
 //! The size in the header of each codec, read from its first bit to the size and no further.
 //!
 //! Formulas: ITU-T H.264 7.3.2.1, H.265 7.3.2.2, RFC 6386 9.1 (VP8), the VP9 bitstream specification 6.2, the AV1
-//! specification 5.5, ISO/IEC 14496-2 6.2.3 (MPEG-4 part 2).
+//! specification 5.5, ISO/IEC 14496-2 6.2.3 (MPEG-4 part 2), yuv4mpeg(5) of mjpegtools.
 
 use super::{Announced, Size, between_start_codes};
 
@@ -345,6 +345,21 @@ pub(super) fn bmp(bytes: &[u8]) -> Announced {
         _ => number(16).zip(number(20)).map(|(width, height)| (width.unsigned_abs(), height.unsigned_abs())),
     };
     Announced::of(size)
+}
+
+/// The size in a YUV4MPEG file's first line; what does not begin so goes on with a file.
+pub(super) fn y4m(bytes: &[u8]) -> Announced {
+    const MOST_LINE_BYTES: usize = 1024;
+    let Some(rest) = bytes.strip_prefix(b"YUV4MPEG2") else { return Announced::Nothing };
+    let line = rest.iter().take(MOST_LINE_BYTES).position(|byte| *byte == b'\n').map(|end| &rest[..end]);
+    let side = |letter: u8| {
+        let word = line?.split(u8::is_ascii_whitespace).find(|word| word.first() == Some(&letter))?;
+        let digits = std::str::from_utf8(&word[1..]).ok()?;
+        // A number that is larger than any has room for is too large all the same.
+        let is_number = !digits.is_empty() && digits.bytes().all(|byte| byte.is_ascii_digit());
+        is_number.then(|| digits.parse().unwrap_or(u32::MAX))
+    };
+    Announced::of(side(b'W').zip(side(b'H')))
 }
 
 /// Bits of a header, the highest of each byte first.

@@ -84,6 +84,13 @@ fn h265_set(width: u32, height: u32) -> Vec<u8> {
         .unit(&[0x42, 1])
 }
 
+/// Returns a sequence header of AV1, with its length.
+fn av1_sequence(width: u32, height: u32) -> Vec<u8> {
+    let sequence = Written::default().bits(0, 3).bits(1, 1).bits(1, 1).bits(0, 5).bits(15, 4).bits(15, 4);
+    let sequence = sequence.bits(width - 1, 16).bits(height - 1, 16).bytes();
+    [&[0x0a, sequence.len() as u8][..], &sequence].concat()
+}
+
 fn announced(format: &str, bytes: &[u8]) -> Announced {
     gst::init().unwrap();
     let caps: gst::Caps = format.parse().unwrap();
@@ -192,9 +199,12 @@ fn every_header_tells_its_size_wherever_it_stands() {
     assert_eq!(announced("video/x-vp9", &delta), size((65_536, 100)));
     let both = [&key[..], &delta, &[0xc1, key.len() as u8, delta.len() as u8, 0xc1]].concat();
     assert_eq!(announced("video/x-vp9", &both), size((65_536, 100)));
-    let sequence = Written::default().bits(0, 3).bits(1, 1).bits(1, 1).bits(0, 5).bits(15, 4).bits(15, 4);
-    let sequence = [&[0x0a, 7][..], &sequence.bits(65_535, 16).bits(7, 16).bytes()].concat();
-    assert_eq!(announced("video/x-av1", &[&[0x12, 0][..], &sequence].concat()), size((65_536, 8)));
+    let temporal_unit = [&[0x12, 0][..], &av1_sequence(65_536, 8)].concat();
+    assert_eq!(announced("video/x-av1", &temporal_unit), size((65_536, 8)));
+    let bare = gst::Caps::builder("video/x-av1").build();
+    let before = |bytes: &[u8]| before_parser(bare.structure(0).unwrap(), bytes);
+    assert_eq!(before(&temporal_unit), size((65_536, 8)));
+    assert_eq!(before(&temporal_unit[2..]), Announced::Nothing, "a piece that is cut anywhere");
     let layer =
         Written::default().bits(0, 9).bits(1, 1).bits(1, 7).bits(1, 4).bits(0, 1).bits(0, 2).bits(1, 1);
     let layer = layer.bits(25, 16).bits(1, 1).bits(1, 1).bits(1, 5).bits(1, 1).bits(8191, 13).bits(1, 1);
@@ -209,6 +219,12 @@ fn every_header_tells_its_size_wherever_it_stands() {
         announced("video/mpeg", &[&[0, 0, 1, 0x20][..], &studio.bytes()].concat()),
         Announced::Unreadable
     );
+    let y4m = |line: &str| announced("application/x-yuv4mpeg", format!("YUV4MPEG2{line}").as_bytes());
+    assert_eq!(y4m(" H48 F25:1 W64 Ip\nFRAME\n"), size((64, 48)), "in any order");
+    assert_eq!(y4m(" W99999999999 H48\nFRAME"), size((u32::MAX, 48)));
+    for line in [" W64 H48", " W64\nFRAME H48\n", " W-64 H48\n", " W64 H\n"] {
+        assert_eq!(y4m(line), Announced::Unreadable, "{line:?}");
+    }
     let oldest = [&b"BM"[..], &[0; 12], &[12, 0, 0, 0, 0x10, 0x27, 0x20, 0]].concat();
     assert_eq!(announced("image/bmp", &oldest), size((10_000, 32)));
 }
@@ -225,6 +241,7 @@ fn no_bytes_are_read_past_their_end() {
         "video/mpeg",
         "image/png",
         "image/bmp",
+        "application/x-yuv4mpeg",
     ] {
         let mut random = 12_345_u64;
         for n_bytes in 0..300 {
@@ -316,6 +333,9 @@ fn files_that_claim_too_much_are_refused_for_their_size() {
     let picture_set = coded(&[0x68, 0xce, 0x38, 0x80]);
     let slice = coded(&[&[0x65, 0x88, 0x84][..], &[0x5a; 60]].concat());
     let h264 = [coded(&h264_set(16_384, 16_384)), picture_set, slice.clone(), slice].concat();
+    let h265 =
+        [coded(&h265_set(16_384, 16_384)), coded(&[&[38, 1, 0xac][..], &[0x5a; 200]].concat())].concat();
+    let av1 = [&[0x12, 0][..], &av1_sequence(65_536, 65_536), &[0x32, 41, 0x10], &[0x5a; 40]].concat();
     for (what, bytes) in [
         ("JPEG", jpeg(60_000, 60_000)),
         ("JPEG of many pixels", jpeg(8000, 8000)),
@@ -324,6 +344,9 @@ fn files_that_claim_too_much_are_refused_for_their_size() {
         ("VP8", ivf(b"VP80", &vp8)),
         ("VP9", ivf(b"VP90", &vp9)),
         ("H.264", h264.repeat(3)),
+        ("H.265", h265.repeat(3)),
+        ("AV1", ivf(b"AV01", &av1)),
+        ("YUV4MPEG", b"YUV4MPEG2 W65520 H65520 F10:1 Ip C420\nFRAME\n".repeat(9)),
     ] {
         let fault = fault_of(&bytes);
         assert!(matches!(fault, Fault::TooLarge { .. }), "{what}: {fault:?}");

@@ -1,7 +1,8 @@
 //! The description of a camera's streams (SDP, RFC 4566; RFC 2326, appendix C), and which of them is taken.
 
 use crate::media::Fault;
-use crate::media::allowed::FORMATS;
+use crate::media::allowed::{FORMATS, is_allowed};
+use crate::media::input::Keep;
 use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD as BASE64;
 use gstreamer as gst;
@@ -62,6 +63,24 @@ pub(super) fn first_video(description: &[u8], base: &str) -> Result<Stream, Faul
         return Err(Fault::Refused { format, allowed: FORMATS.to_owned() });
     }
     Err(no_video("it has no video stream"))
+}
+
+/// Returns the fault of a stream whose payloads are of a kind that is read, by an element that is not installed: `GStreamer` itself would
+/// say nothing of it.
+pub(super) fn missing_reader(stream: &gst::CapsRef) -> Option<Fault> {
+    let readers =
+        gst::ElementFactory::factories_with_type(gst::ElementFactoryType::DEPAYLOADER, gst::Rank::MARGINAL);
+    let reads = |factory: &gst::ElementFactory| {
+        is_allowed(factory, Keep::Newest) && factory.can_sink_any_caps(stream)
+    };
+    if readers.iter().any(reads) {
+        return None;
+    }
+    let name = stream.structure(0)?.get::<String>("encoding-name").ok()?.to_ascii_uppercase();
+    // Only this one's reader is among the plugins that are written in Rust.
+    let package = if name == "AV1" { "gstreamer1.0-plugins-rs" } else { "gstreamer1.0-plugins-good" };
+    let name: String = name.chars().take(MAX_NAME_LETTERS).collect();
+    Some(Fault::MissingCodec { codec: format!("reader for {name} over RTP"), package: package.into() })
 }
 
 /// The first format of a stream that is read; else the name of the first that is not.
@@ -206,6 +225,23 @@ mod tests {
         assert_eq!(format, "JPEG2000");
         assert!(matches!(taken(audio), Err(Fault::NotVideo(_))));
         assert!(matches!(first_video(b"nothing", "rtsp://cam/"), Err(Fault::NotVideo(_))));
+    }
+
+    #[test]
+    fn payloads_that_nothing_installed_reads_are_named() {
+        for media in [
+            H264,
+            "m=video 0 RTP/AVP 26\r\n",
+            "m=video 0 RTP/AVP 97\r\na=rtpmap:97 vp8/90000\r\n",
+            "m=video 0 RTP/AVP 98\r\na=rtpmap:98 raw/90000\r\na=fmtp:98 sampling=YCbCr-4:2:0; width=64; height=48; depth=8\r\n",
+        ] {
+            assert!(missing_reader(&taken(media).unwrap().caps).is_none(), "{media}");
+        }
+        // Its payloads are read where the element is installed, which is not allowed for other payloads.
+        let mut unread = taken(H264).unwrap().caps;
+        unread.make_mut().set("encoding-name", "MP2T");
+        let fault = missing_reader(&unread).map(|fault| fault.to_string());
+        assert_eq!(fault.as_deref(), Some("no reader for MP2T over RTP: install gstreamer1.0-plugins-good"));
     }
 
     #[test]

@@ -16,6 +16,9 @@ const MAX_BODY_BYTES: usize = 1 << 20;
 /// Most bytes that are skipped in a row.
 const MAX_SKIPPED_BYTES: usize = 1 << 20;
 
+/// Beginning of a web server's answer.
+const WEB_SERVER: &[u8] = b"HTTP/";
+
 /// Bytes of a packet from which on it is searched for others in it: most have at most 1500.
 const LARGE_BYTES: usize = 1600;
 
@@ -128,6 +131,11 @@ impl Reader {
         self.n_damaged
     }
 
+    /// Returns true where the newest bytes that came belong to no piece.
+    pub(super) const fn is_astray(&self) -> bool {
+        self.n_skipped > 0
+    }
+
     /// The next piece, once it is there whole.
     ///
     /// # Errors
@@ -136,6 +144,9 @@ impl Reader {
         loop {
             self.bytes.make_contiguous();
             let (bytes, _) = self.bytes.as_slices();
+            if self.channels.is_empty() && self.n_skipped == 0 && bytes.starts_with(WEB_SERVER) {
+                return Err(Unreadable);
+            }
             let found = match self.start(bytes) {
                 Start::Unknown if !self.is_over || bytes.is_empty() => return Ok(None),
                 Start::Unknown | Start::Nothing => None,
@@ -467,6 +478,13 @@ mod tests {
         assert!(fails(b"RTSP/1.0 200 OK\r\nContent-Length: 99999999\r\n\r\n"));
         assert!(fails(b"RTSP/1.0 200 OK\r\nContent-Length: -1\r\n\r\n"));
         assert!(fails(b"RTSP/1.0 two hundred\r\n\r\n"));
+        assert!(fails(b"HTTP/1.1 400 Bad Request\r\n"), "a web server, at once");
+        assert!(fails(b"RTSP/1.0 200 OK\r\n\r\nHTTP/1.1 200 OK\r\n\r\n<html>"));
+        let mut reader = Reader::default();
+        let all = [&packet(0, &RTP)[..], b"HTTP/1.1", &packet(0, &RTP), &packet(0, &RTP)].concat();
+        assert_eq!(read(&mut reader, &all).len(), 3, "bytes between packets are skipped");
+        assert!(!reader.is_astray());
+        assert!(read(&mut reader, b"SSH-2.0-OpenSSH\r\n").is_empty() && reader.is_astray());
         assert!(!fails(b"RTSP/1.0 200 OK\r\nContent-Length: 5\r\n\r\nbody"));
     }
 }

@@ -3,7 +3,7 @@
 //! Requests go out one after the other, each waits for its answer; packets that come meanwhile are passed on. Signs of life go
 //! out at two thirds of the time after which the camera would give the session up, whatever comes in.
 
-use super::description::{Stream, base, first_video};
+use super::description::{Stream, base, first_video, missing_reader};
 use super::message::{Piece, Reader, Response, Unreadable};
 use super::packets::{Kind, sign_of_life, unify};
 use super::{DATAGRAM_ORDER_TIME, ORDER_TIME, Sinks, Target};
@@ -111,6 +111,9 @@ impl<'a> Session<'a> {
         expect_success(described.status)?;
         let base = base([described.header("content-base"), described.header("content-location")], &url);
         let stream = first_video(&described.body, &base)?;
+        if let Some(fault) = missing_reader(&stream.caps) {
+            return Err(fault);
+        }
         self.payload_type = Some(stream.payload_type);
         let way = self.set_up(&stream).await?;
         self.sinks.begin(&stream.caps);
@@ -352,7 +355,7 @@ impl<'a> Session<'a> {
         loop {
             let number = self.send(method, url, headers).await?;
             let response = timeout(ANSWER_TIME, self.answer(number)).await;
-            let response = response.map_err(|_elapsed| Fault::Connection(ConnectionFault::TimedOut))??;
+            let response = response.map_err(|_elapsed| self.unanswered(ConnectionFault::TimedOut))??;
             if response.status != UNAUTHORIZED {
                 if response.is_success() {
                     self.answering.is_let_in();
@@ -377,10 +380,15 @@ impl<'a> Session<'a> {
             }
             let n_bytes = self.stream.read(&mut chunk).await.unwrap_or(0);
             if n_bytes == 0 {
-                return Err(Fault::Connection(ConnectionFault::Closed));
+                return Err(self.unanswered(ConnectionFault::Closed));
             }
             self.reader.push(&chunk[..n_bytes]);
         }
+    }
+
+    /// Returns the fault of a request that got no answer, `otherwise` unless what came is none of the protocol's.
+    fn unanswered(&self, otherwise: ConnectionFault) -> Fault {
+        Fault::Connection(if self.reader.is_astray() { ConnectionFault::Garbled } else { otherwise })
     }
 
     /// Sends a request, and gives its number.
