@@ -2,6 +2,8 @@
 #import "common/hull.wgsl"
 
 @group(1) @binding(0) var surface: texture_storage_2d<rgba32uint, write>;
+// How many squares of eight pixels a side may show a hull; then of each its column (lower half) and its row.
+@group(1) @binding(1) var<storage, read> squares: array<u32>;
 
 // Stretches within a hull that a ray's coverage is made of: one that grazes a fold goes on to what lies behind.
 const MOST_STRETCHES: u32 = 4u;
@@ -29,12 +31,22 @@ fn coverage_of(hull_idx: u32, ray: HullRay, enter: f32, exit: f32) -> f32 {
 }
 
 @compute @workgroup_size(8, 8)
-fn cs_main(@builtin(global_invocation_id) id: vec3<u32>) {
-    let size = textureDimensions(surface);
-    if any(id.xy >= size) {
+fn cs_main(
+    @builtin(workgroup_id) group: vec3<u32>,
+    @builtin(num_workgroups) groups: vec3<u32>,
+    @builtin(local_invocation_id) within: vec3<u32>,
+) {
+    let square_idx = group.y * groups.x + group.x;
+    if square_idx >= squares[0] {
         return;
     }
-    let pixel = vec2<f32>(id.xy) + 0.5;
+    let square = squares[1u + square_idx];
+    let id = vec2<u32>(square & 0xffffu, square >> 16u) * 8u + within.xy;
+    let size = textureDimensions(surface);
+    if any(id >= size) {
+        return;
+    }
+    let pixel = vec2<f32>(id) + 0.5;
     let ray = hull_ray(pixel);
     var texel = vec4<u32>(0u);
     var found = HullSurface(FAR, -ray.direction, 0u, 0.0, 0.0, NO_EDGE);
@@ -81,5 +93,5 @@ fn cs_main(@builtin(global_invocation_id) id: vec3<u32>) {
         found.coverage = 1.0 - open;
         texel = packed_surface(found);
     }
-    textureStore(surface, id.xy, texel);
+    textureStore(surface, id, texel);
 }

@@ -108,6 +108,7 @@ pub(super) async fn picture(
     };
     let observation = observation.map_err(|error| problem_of(&api, error))?;
     let (instant, number) = (observation.frame.timestamp, observation.frame.number);
+    let size_px = [observation.frame.image.width(), observation.frame.image.height()];
     let key = match kind {
         Kind::Frame => Key::Picture(Arc::downgrade(&observation.frame.image), format),
         Kind::Background => Key::Picture(Arc::downgrade(&observation.background), format),
@@ -116,7 +117,8 @@ pub(super) async fn picture(
     if let Some(spared) = api.spared(&Had::read(&headers), &key, (moment, instant)) {
         return Ok(spared);
     }
-    let Encoded { bytes, tag, took } = api.encoded(move || write(&observation, kind, format)).await?;
+    let Encoded { bytes, tag, took } =
+        api.encoded(size_px, move || write(&observation, kind, format)).await?;
     api.tags.note(key, tag.clone());
     let mut fields = vec![
         ("videofields-frame", number.to_string()),

@@ -103,6 +103,7 @@ use axum::response::Response;
 use error::Problem;
 use identity::Identity;
 use openapi::Routes;
+use std::ops::Deref;
 use std::sync::Arc;
 use std::time::Duration;
 use tokio::sync::Semaphore;
@@ -148,15 +149,31 @@ impl Default for Limits {
     }
 }
 
-/// What every route has at hand. Cheap to clone.
+/// What every route has at hand: what is the caller's, and what is the same for all. Cheap to clone, which every layer of every request
+/// does.
 #[derive(Clone)]
 struct Api {
-    /// The engine; routes have their caller's `door` instead.
-    whole: Handle,
     /// The engine as the caller may see it.
     door: Handle,
     /// Who asks.
     identity: Identity,
+    /// What the request came by.
+    connection: connection::Connection,
+    common: Arc<Common>,
+}
+
+impl Deref for Api {
+    type Target = Common;
+
+    fn deref(&self) -> &Common {
+        &self.common
+    }
+}
+
+/// What all callers have in common.
+struct Common {
+    /// The engine; routes have their caller's `door` instead.
+    whole: Handle,
     /// Users and tokens; without, everybody may do everything.
     accounts: Option<Arc<Accounts>>,
     /// Where it is noted what callers do.
@@ -171,7 +188,7 @@ struct Api {
     limits: Limits,
     admission: admission::Admission,
     encoders: turns::Turns<String>,
-    encoding_pace: Arc<encoding::EncodingPace>,
+    encoding_pace: encoding::EncodingPace,
     /// Questions that take a processor for long.
     computations: turns::Turns<String>,
     /// Pictures of the past that are looked for, and drawn.
@@ -185,8 +202,6 @@ struct Api {
     rounds: Arc<wall_rounds::Rounds>,
     screens: Arc<screens::Screens>,
     feeds: Arc<foreground::Feeds>,
-    /// What the request came by.
-    connection: connection::Connection,
     /// Of pictures that were shown.
     tags: Arc<tags::KnownTags>,
     /// Lines that strangers may still have written into the log.
@@ -261,10 +276,9 @@ pub fn router_within(
     site: Site,
 ) -> Router {
     let frame_lock = Arc::new(FrameLock::new(clock.now(), clock.monotonic()));
-    let api = Api {
-        whole: door.clone(),
-        door: door.within(Arc::new(Grants::nothing())),
-        identity: Identity::everybody(),
+    let nobodys = door.within(Arc::new(Grants::nothing()));
+    let common = Common {
+        whole: door,
         accounts: trust.as_ref().map(|trust| Arc::clone(&trust.accounts)),
         audit: trust.as_ref().map(|trust| Arc::clone(&trust.audit)),
         snapshots: trust.as_ref().and_then(|trust| trust.snapshots.clone()),
@@ -274,7 +288,7 @@ pub fn router_within(
         limits,
         admission: admission::Admission::new(&limits),
         encoders: turns::Turns::new(limits.encoders),
-        encoding_pace: Arc::default(),
+        encoding_pace: encoding::EncodingPace::default(),
         computations: turns::Turns::with_one_for_others(long_questions::at_once()),
         replays: turns::Turns::with_one_for_others(long_questions::at_once()),
         streams: frames::places(),
@@ -285,7 +299,6 @@ pub fn router_within(
         rounds: Arc::default(),
         screens: Arc::default(),
         feeds: Arc::default(),
-        connection: connection::Connection::default(),
         tags: Arc::default(),
         stranger_lines: Arc::default(),
         answered: Arc::default(),
@@ -294,6 +307,12 @@ pub fn router_within(
         snapshot_makings: snapshot_making::places(),
         archives: snapshots::archive_places(),
         discoveries: Arc::new(Semaphore::new(source_discovery::AT_ONCE)),
+    };
+    let api = Api {
+        door: nobodys,
+        identity: Identity::everybody(),
+        connection: connection::Connection::default(),
+        common: Arc::new(common),
     };
     let limited = resources()
         .router()

@@ -5,7 +5,6 @@ use super::turns::Turn;
 use std::num::NonZero;
 use std::thread;
 use tokio::runtime::Handle as Runtime;
-use tokio::sync::oneshot;
 use videofields_recording::priority;
 use videofields_service::engine::{EngineError, Handle, LookedBack, ViewRequest};
 
@@ -16,7 +15,7 @@ pub(super) fn at_once() -> usize {
 }
 
 impl Api {
-    /// Asks the engine what takes a processor for long: in the caller's turn, on a thread of its own with a lower priority. `action` is
+    /// Asks the engine what takes a processor for long: in the caller's turn, on a thread of a lower priority. `action` is
     /// what a panic broke off.
     pub(super) async fn compute<T: Send + 'static>(
         &self,
@@ -25,19 +24,15 @@ impl Api {
     ) -> Result<T, EngineError> {
         let turn = self.turn(&self.computations).await;
         let (door, runtime) = (self.door.clone(), Runtime::current());
-        let (reply, answer) = oneshot::channel();
         let work = move || {
-            priority::lower_thread();
             let _within = runtime.enter();
             let answer = question(door);
             // Held until now, though nobody may wait for it any more.
             drop(turn);
-            drop(reply.send(answer));
+            answer
         };
-        let started = thread::Builder::new().name("computation".to_owned()).spawn(work);
-        started
-            .map_err(|error| EngineError::Unavailable(format!("{action}: no thread is started: {error}")))?;
-        answer.await.unwrap_or_else(|_gone| Err(EngineError::Internal(format!("{action} was broken off"))))
+        let broke_off = |_panic| Err(EngineError::Internal(format!("{action} was broken off")));
+        priority::spawn(work).await.unwrap_or_else(broke_off)
     }
 
     /// Asks the engine what has to be read and decoded of recordings, in the caller's turn.

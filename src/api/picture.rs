@@ -12,6 +12,7 @@ use axum::http::{HeaderValue, header};
 use axum::response::{IntoResponse, Response};
 use std::sync::Arc;
 use std::time::Duration;
+use videofields_recording::priority;
 use videofields_vision::clock::Timestamp;
 use videofields_vision::encode::{self, EncodeError, PictureFormat};
 use videofields_vision::error::ErrorKind;
@@ -19,6 +20,9 @@ use videofields_vision::frame::{RgbImage, YuvImage};
 
 /// Quality of every JPEG, 1 to 100: above it files grow faster than pictures get better.
 const JPEG_QUALITY: u8 = 88;
+
+/// Most pixels of a picture that is encoded with the usual priority: encoding more takes tens of milliseconds.
+const SMALL_PICTURE_PX: u64 = 1 << 19;
 
 /// A picture of a fixed time may be kept by who asked for it, who asks whether it is still good each time: rights may end.
 pub(super) const FIXED_TIME_CACHING: HeaderValue = HeaderValue::from_static("private, no-cache");
@@ -134,10 +138,12 @@ impl Api {
         Ok(Bytes::from_owner(HeldFile { bytes, _place: place }))
     }
 
-    /// Runs `work` where it may take its time; the number of such works at once is bounded, and so are the bytes of
-    /// their outcomes that clients have not taken yet.
+    /// Encodes a picture of that size by `work` where that may take its time; the number of such works at once is bounded, and so are
+    /// the bytes of their outcomes that clients have not taken yet. Large pictures are encoded with a lower priority: small ones,
+    /// and what is drawn meanwhile, would wait for the processors else.
     pub(super) async fn encoded(
         &self,
+        [width_px, height_px]: [u32; 2],
         work: impl FnOnce() -> Result<Vec<u8>, EncodeError> + Send + 'static,
     ) -> Result<Encoded, Problem> {
         let turn = self.turn(&self.encoders).await;
@@ -150,7 +156,9 @@ impl Api {
             drop(turn);
             Ok::<_, EncodeError>((bytes, tag, took))
         };
-        match tokio::task::spawn_blocking(timed).await {
+        let is_large = u64::from(width_px) * u64::from(height_px) > SMALL_PICTURE_PX;
+        let encoding = if is_large { priority::spawn(timed) } else { tokio::task::spawn_blocking(timed) };
+        match encoding.await {
             Ok(outcome) => {
                 let (bytes, tag, took) = outcome?;
                 Ok(Encoded { bytes: self.held(bytes)?, tag, took })

@@ -107,8 +107,9 @@ pub(super) async fn show(
     let found = found.map_err(|error| problem_of(&api, error))?;
     let decoding_time = api.clock.monotonic().saturating_sub(started);
     let times: Vec<String> = found.iter().map(Tile::time).collect();
+    let size_px = [found.len() as u32 * width_px(&found, height_px), height_px];
     let Encoded { bytes, tag, took } = api
-        .encoded(move || {
+        .encoded(size_px, move || {
             let picture = joined(&found, height_px);
             write_rgb(PictureFormat::Jpeg, &picture)
         })
@@ -189,11 +190,7 @@ impl Tile {
 
 /// All tiles beside one another.
 fn joined(tiles: &[Tile], height_px: u32) -> RgbImage {
-    let width_px = tiles.iter().find_map(|tile| match tile {
-        Tile::Picture(small, _) => Some(small.width()),
-        _ => None,
-    });
-    let width_px = width_px.unwrap_or_else(|| tile_width_px(ASPECT, height_px));
+    let width_px = width_px(tiles, height_px);
     let mut strip = Rgb8::from_pixel(width_px * tiles.len() as u32, height_px, Rgb([NOTHING_SRGB; 3]));
     for (tile, idx) in tiles.iter().zip(0_i64..) {
         if let Tile::Picture(small, _) = tile {
@@ -201,6 +198,15 @@ fn joined(tiles: &[Tile], height_px: u32) -> RgbImage {
         }
     }
     RgbImage { width: strip.width(), height: strip.height(), data: strip.into_raw() }
+}
+
+/// Returns the columns of each small picture.
+fn width_px(tiles: &[Tile], height_px: u32) -> u32 {
+    let of_picture = |tile: &Tile| match tile {
+        Tile::Picture(small, _) => Some(small.width()),
+        _ => None,
+    };
+    tiles.iter().find_map(of_picture).unwrap_or_else(|| tile_width_px(ASPECT, height_px))
 }
 
 #[cfg(test)]

@@ -174,7 +174,7 @@ pub(super) async fn drawn(
     let instant = answer.instant;
     let image = Arc::clone(&answer.image);
     let finishing = finish.clone();
-    let encoded = api.encoded(move || write_rgb(format, &finishing.of(image))).await?;
+    let encoded = api.encoded(size_px.into(), move || write_rgb(format, &finishing.of(image))).await?;
     let Encoded { bytes, tag, took } = encoded;
     api.encoding_pace.note(format, size_px, took);
     if let Some(identity) = &answer.identity {

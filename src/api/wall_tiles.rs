@@ -337,8 +337,9 @@ async fn patterned(
     (format, moment, instant): (PictureFormat, Moment, videofields_vision::clock::Timestamp),
 ) -> Result<Picture, Problem> {
     let wall = kept.content.clone();
+    let size_px = tile.size_px;
     let write = move || super::picture::write_rgb(format, &pattern(&wall, &tile, which));
-    let Encoded { bytes, tag, .. } = api.encoded(write).await?;
+    let Encoded { bytes, tag, .. } = api.encoded(size_px, write).await?;
     Ok(Picture { format, bytes, tag, moment, instant, fields: Vec::new() })
 }
 

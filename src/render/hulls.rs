@@ -85,7 +85,7 @@ impl Hulls {
         match plan.hull.method {
             HullMethod::Rays => {
                 let pass = made(&mut by.rays, || HullRaysPass::new(gpu, frame.layout(), data))?;
-                pass.record(recording, frame_group, &group, surface);
+                pass.record(recording, frame_group, (data, &group), surface);
             }
             HullMethod::Voxels => {
                 let pass = made(&mut by.voxels, || HullVoxelsPass::new(gpu, frame.layout(), data))?;

@@ -1,4 +1,4 @@
-//! What of a part is drawn at once: bands of rows, and of columns too where a row is longer than the device takes.
+//! Pieces of a part that are drawn at once: near to squares, in bands from the top.
 
 use std::ops::Range;
 use videofields_picture::plan::View;
@@ -23,11 +23,11 @@ pub(super) struct Room {
     pub pixel_bytes: u64,
     /// Pixels beside a piece that are drawn with it, on every side.
     pub margin_px: u32,
-    /// Most pixels of a piece itself, unless two rows have more.
+    /// Most pixels of a piece itself.
     pub most_pixels: u64,
 }
 
-/// Place in a part where its next piece begins: parts are drawn in bands of rows from the top, each from left to right.
+/// Place in a part where its next piece begins: parts are drawn in bands from the top, each from left to right.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct Cursor {
     left: u32,
@@ -52,21 +52,48 @@ impl Cursor {
     }
 }
 
+/// Pixels a side of the squares that rasterisers in software divide a picture into, and also divides those of most devices: what lies across
+/// their edges is worked on twice.
+const SQUARE_PX: u64 = 64;
+
 impl Room {
-    /// Returns most columns and rows of a piece of a part of that size.
+    /// Returns most columns and rows of a piece of a part of that size: all of them where there is room for, else as near to a square as
+    /// can be, whose sides are whole squares of the device.
     fn sides(self, width: u32, height: u32) -> (u32, u32) {
         let Self { times, max_side_px, max_bytes, pixel_bytes, margin_px, most_pixels } = self;
-        let even = |most: u64, side: u32| match u32::try_from(most) {
-            Ok(most) if most < side => (most & !1).max(1),
-            _ => side,
-        };
         let both = 2 * u64::from(margin_px);
         let most = u64::from(max_side_px / times).saturating_sub(both);
-        let n_columns = even(most, width);
-        let row_bytes = (u64::from(n_columns) + both) * u64::from(times).pow(2) * pixel_bytes;
-        let few = (most_pixels / u64::from(n_columns)).max(2);
-        let n_rows = even((max_bytes / row_bytes).saturating_sub(both).min(most).min(few), height);
-        (n_columns, n_rows)
+        // With what is drawn beside a piece.
+        let most_drawn = max_bytes / (u64::from(times).pow(2) * pixel_bytes);
+        let beside =
+            |side: u64| (most_drawn / (side + both)).saturating_sub(both).min(most_pixels / side).min(most);
+        let (whole_width, whole_height) = (u64::from(width), u64::from(height));
+        if whole_width <= most && whole_height <= beside(whole_width) {
+            return (width, height);
+        }
+        let square = most_drawn.isqrt().saturating_sub(both).min(most_pixels.isqrt()).min(most);
+        let (n_columns, n_rows) = if whole_width <= square {
+            (whole_width, beside(whole_width))
+        } else if whole_height <= square {
+            (beside(whole_height), whole_height)
+        } else {
+            let n_rows = of_whole_squares(square);
+            (beside(n_rows), n_rows)
+        };
+        let within = |n: u64, all: u32| match u32::try_from(n) {
+            Ok(n) if n < all => of_whole_squares(u64::from(n)) as u32,
+            _ => all,
+        };
+        (within(n_columns, width), within(n_rows, height))
+    }
+}
+
+/// Returns the most of `n` pixels that are whole squares of the device, or pairs; one at least.
+const fn of_whole_squares(n: u64) -> u64 {
+    match n {
+        0 | 1 => 1,
+        SQUARE_PX.. => n - n % SQUARE_PX,
+        _ => n - n % 2,
     }
 }
 
@@ -129,13 +156,22 @@ mod tests {
     }
 
     #[test]
-    fn pieces_have_no_more_pixels_than_they_may_and_two_rows_at_least() {
-        let most = |most_pixels| Room { most_pixels, ..room(Sampling::ONCE, 64, 1 << 20, 0) };
-        let rows = |most_pixels| -> Vec<usize> {
-            pieces(33, 14, most(most_pixels)).iter().map(|piece| piece.rows.len()).collect()
+    fn pieces_have_no_more_pixels_than_they_may_and_are_near_to_squares() {
+        let sides = |size: (u32, u32), most_pixels| {
+            let room = Room { most_pixels, ..room(Sampling::ONCE, 8192, 1 << 30, 0) };
+            let pieces = pieces(size.0, size.1, room);
+            assert!(
+                pieces.iter().all(|piece| piece.columns.len() * piece.rows.len() <= most_pixels as usize)
+            );
+            let Piece { columns, rows } = &pieces[0];
+            (columns.len(), rows.len(), pieces.len())
         };
-        assert_eq!(rows(33 * 5), [4, 4, 4, 2]);
-        assert_eq!(rows(33 * 14), [14]);
-        assert_eq!(rows(1), [2; 7]);
+        assert_eq!(sides((6000, 5000), 442_000), (640, 640, 80));
+        assert_eq!(sides((6000, 5000), 6000 * 5000), (6000, 5000, 1));
+        assert_eq!(sides((1920, 1080), 400_000), (640, 576, 6));
+        assert_eq!(sides((300, 5000), 442_000), (300, 1472, 4), "a narrow one is divided across alone");
+        assert_eq!(sides((5000, 300), 442_000), (1472, 300, 4));
+        assert_eq!(sides((100, 100), 500), (22, 22, 25));
+        assert_eq!(sides((33, 14), 1), (1, 1, 33 * 14));
     }
 }

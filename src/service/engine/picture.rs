@@ -219,14 +219,18 @@ impl Subject {
     }
 }
 
-/// Time that a piece of a picture takes about by the first guess of costs: others wait for it.
-pub(super) const PIECE_TIME: Duration = Duration::from_millis(150);
+/// Time that a piece of a picture takes about by the first guess of costs: others wait for it. Small machines take four times as long.
+const PIECE_TIME: Duration = Duration::from_millis(25);
+
+/// Least time for which a picture with a deadline is planned, however many others wait: about what its first piece takes, which nobody
+/// interrupts.
+pub(super) const LEAST_SHARE: Duration = Duration::from_millis(150);
 
 /// Factor by which any other device is taken to be faster than two processors.
 const DEVICE_SPEED: f64 = 16.0;
 
 /// Least pixels of a piece: of fewer, what every piece takes would count.
-const LEAST_PIECE_PX: u64 = 1 << 16;
+const LEAST_PIECE_PX: u64 = 1 << 14;
 
 /// Most pixels of a piece of a picture. By the plan alone and not by what was measured, so that the same picture has the same bytes.
 fn most_pixels(decided: &Decided, picture: &Picture, renderer: &Renderer) -> u64 {

@@ -13,7 +13,7 @@ use super::frame_cache::FrameCache;
 use super::handle::DeviceSummary;
 use super::identity::ViewIdentity;
 use super::pace::Backoff;
-use super::picture::{HOST_STAGES, PIECE_TIME, Painting, Subject, failure_of, none_fits};
+use super::picture::{HOST_STAGES, LEAST_SHARE, Painting, Subject, failure_of, none_fits};
 use super::queue::{Job, JobId, Next};
 use super::resolve::{Resolved, Seen};
 use super::sessions::Sessions;
@@ -427,7 +427,7 @@ impl<'a> RenderThread<'a> {
             let left = job.asked_at.saturating_add(drawing).saturating_sub(clock.monotonic());
             // Others have turns between its pieces; what is one is drawn at once.
             match deadline {
-                Some(_) => shared.queue.share_of(&job.flow, left).max(left.min(PIECE_TIME)),
+                Some(_) => shared.queue.share_of(&job.flow, left).max(left.min(LEAST_SHARE)),
                 None => left,
             }
         };

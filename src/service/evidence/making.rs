@@ -7,6 +7,7 @@ use super::share::{Coming, limited};
 use super::{EvidenceError, Snapshots};
 use crate::engine::{At, BlurAsked, Handle, ViewRequest};
 use serde_json::{Value, json};
+use videofields_recording::priority;
 use videofields_recording::signing::{Purpose, SignatureText, SigningKey};
 use videofields_recording::store::{SnapshotAnnotation, SnapshotRecord};
 use videofields_recording::telemetry::SnapshotFailure;
@@ -172,7 +173,7 @@ impl Snapshots {
             }
             Ok(Written { making, shown_at, subject, cameras, about })
         };
-        tokio::task::spawn_blocking(write).await.map_err(EvidenceError::broken_off("writing a snapshot"))?
+        priority::spawn(write).await.map_err(EvidenceError::broken_off("writing a snapshot"))?
     }
 
     /// Seals a snapshot into the chain, in its turn.

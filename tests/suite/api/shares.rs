@@ -309,7 +309,7 @@ async fn users_take_turns_at_what_is_computed_for_long_behind_what_is_live() {
     let left = move |house: &House| n_long - house.bench.door.0.lock().unwrap().long_gates.len();
     shared.take_turns("/api/v1/scenes/plaza/alignment", left).await;
     // A thread of its own, whose priority is lower.
-    assert_eq!(shared.house.bench.door.0.lock().unwrap().asked_on.as_deref(), Some("computation"));
+    assert_eq!(shared.house.bench.door.0.lock().unwrap().asked_on.as_deref(), Some("low priority"));
 }
 
 #[tokio::test]
