@@ -828,7 +828,7 @@ fn hulls_that_other_pictures_interrupt_are_the_same_to_the_byte() {
         let plan = plan::make(&state, &picture, Wishes { settings, ..whole });
         assert!(!plan.hulls.is_empty() || !plan.meshed_hulls.is_empty(), "{:?}", plan.reasons);
         let n_pieces = super::views::check_interrupted(&mut brush, &state, (&picture, &plan));
-        assert_eq!(n_pieces, 3);
+        assert_eq!(n_pieces, 4);
     };
     for method in
         [HullMethod::Rays, HullMethod::Trimming, HullMethod::Csg, HullMethod::Hybrid, HullMethod::Voxels]

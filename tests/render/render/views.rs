@@ -286,7 +286,7 @@ fn a_picture_that_others_interrupt_is_the_same_to_the_byte() {
     let whole = Picture::from(view(v(-3.0, -16.0, 6.0), v(0.0, 0.0, 0.5), 0.9, 300, 200));
     for style in [EntityStyle::Billboards, EntityStyle::Points] {
         let plan = plan::make(&state, &whole, brush.wishes(style));
-        assert_eq!(check_interrupted(&mut brush, &state, (&whole, &plan)), 4, "{style:?}");
+        assert_eq!(check_interrupted(&mut brush, &state, (&whole, &plan)), 8, "{style:?}");
     }
     // It has several parts.
     let ends = (v(-1.0, -4.0, 5.0), v(0.0, 6.0, 2.0));
