@@ -149,15 +149,15 @@ impl Default for Limits {
     }
 }
 
-/// What every route has at hand: what is the caller's, and what is the same for all. Cheap to clone, which every layer of every request
-/// does.
+/// State that every route has at hand: the caller's own, and the one that all requests share. Cheap to clone, which every layer of every
+/// request does.
 #[derive(Clone)]
 struct Api {
     /// The engine as the caller may see it.
     door: Handle,
     /// Who asks.
     identity: Identity,
-    /// What the request came by.
+    /// The connection by which the request came.
     connection: connection::Connection,
     common: Arc<Common>,
 }
@@ -170,7 +170,7 @@ impl Deref for Api {
     }
 }
 
-/// What all callers have in common.
+/// State that all requests share.
 struct Common {
     /// The engine; routes have their caller's `door` instead.
     whole: Handle,
