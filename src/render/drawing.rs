@@ -275,7 +275,8 @@ impl Renderer {
         }
         let (step_px, margin_px) = (plan.resolution.step_px(), margin_px(plan, view));
         let room = Room { most_pixels: drawing.most_pixels, ..room(plan, view, self.gpu.limits()) };
-        let Some(Piece { columns, rows }) = drawing.cursor.next(view, room) else {
+        let Some(Piece { columns, rows }) = drawing.cursor.next(view, room, &self.hulls.dear(plan, view))
+        else {
             return Err(RenderError::Plan("a part of a picture has no pixels".to_owned()));
         };
         let row_bytes = picture.width_px as usize * 3;

@@ -301,6 +301,15 @@ impl HullData {
         self.scratch.hulls.iter().map(of).collect()
     }
 
+    /// Returns of each hull what of a picture of `view` may show it (left, top, right and bottom, in pixels), and how many silhouettes it has.
+    pub(super) fn rects_in(&self, view: &View) -> impl Iterator<Item = ([u32; 4], u32)> {
+        let size = DVec2::new(f64::from(view.width_px), f64::from(view.height_px));
+        self.scratch.hulls.iter().zip(&self.scratch.bounds).map(move |(hull, bounds)| {
+            let [left, top, right, bottom] = rect(view, *bounds, size);
+            ([left.floor(), top.floor(), right.ceil(), bottom.ceil()].map(|at| at as u32), hull.n_views)
+        })
+    }
+
     /// How depth maps of the views lie beside each other, and what is drawn in each; none where none are wanted.
     pub(super) fn tiles(&self) -> Option<(Tiles, &[TileDraw])> {
         self.tiles.map(|tiles| (tiles, self.scratch.tile_draws.as_slice()))

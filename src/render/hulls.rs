@@ -7,11 +7,15 @@ use super::passes::{
     DrawInto, HullDepthsPass, HullPass, HullPeelPass, HullRaysPass, HullSeen, HullSurface, HullTrimPass,
     HullVoxelsPass, MOST_VALID_PX, Recording,
 };
+use super::pieces::Dear;
 use super::renderer::made;
 use crate::gpu::{Gpu, GpuError};
 use glam::DVec3;
 use videofields_picture::fuse::SceneState;
 use videofields_picture::plan::{HullMethod, HullVisibility, Plan, View};
+
+/// Pixels of surface as which a pixel counts for each silhouette of a hull that is looked for there, by the first guess of costs.
+const PIXELS_PER_SILHOUETTE: u64 = 4;
 
 /// What is kept of hulls between frames; each part is made when a plan first calls for it.
 #[derive(Debug, Default)]
@@ -64,6 +68,14 @@ impl Hulls {
     ) {
         let data = self.data.get_or_insert_with(|| HullData::new(gpu));
         data.assign(gpu, of, anchor, shader_idx);
+    }
+
+    /// Returns where a picture of `view` costs more than elsewhere: where rays look for the plan's hulls.
+    pub(super) fn dear(&self, plan: &Plan, view: &View) -> Vec<Dear> {
+        let is_by_rays = !plan.hulls.is_empty() && plan.hull.method == HullMethod::Rays;
+        let data = self.data.as_ref().filter(|_| is_by_rays);
+        let dear = |(rect_px, n_views)| Dear { rect_px, more: PIXELS_PER_SILHOUETTE * u64::from(n_views) };
+        data.into_iter().flat_map(|data| data.rects_in(view)).map(dear).collect()
     }
 
     /// Records that the surfaces of the plan's hulls are found; none where none is in the piece.

@@ -36,21 +36,60 @@ pub(super) struct Cursor {
 
 impl Cursor {
     /// Returns the next piece of a part and goes on behind it; none at the part's end. No piece, with what is drawn beside it, needs more
-    /// than there is room for, unless a single pixel does. Inner edges lie at even pixels, so that what devices compute in pairs of pixels
-    /// is the same with and without them. The division follows from the part and the room alone.
-    pub(super) fn next(&mut self, view: &View, room: Room) -> Option<Piece> {
+    /// than there is room for, unless a single pixel does. Pieces with much of what is `dear` have fewer columns. Inner edges lie at even pixels, so that what devices compute in pairs of pixels
+    /// is the same with and without them. The division follows from the part, what is dear in it and the room alone.
+    pub(super) fn next(&mut self, view: &View, room: Room, dear: &[Dear]) -> Option<Piece> {
         let (width, height) = (view.width_px, view.height_px);
         if self.top >= height || width == 0 {
             return None;
         }
         let (n_columns, n_rows) = room.sides(width, height);
-        let (right, bottom) = (width.min(self.left + n_columns), height.min(self.top + n_rows));
+        let bottom = height.min(self.top + n_rows);
+        let right_of = |n_columns: u32| width.min(self.left + n_columns);
+        let counted = |right: u32| {
+            let piece = [self.left, self.top, right, bottom];
+            let own = u64::from(right - self.left) * u64::from(bottom - self.top);
+            (own, own + dear.iter().map(|dear| dear.pixels_within(piece)).sum::<u64>())
+        };
+        let mut n_columns = n_columns;
+        let mut right = right_of(n_columns);
+        // Fewer than a device's squares would save nothing.
+        while u64::from(n_columns) > SQUARE_PX
+            && matches!(counted(right), (own, all) if own > SMALL_PIECE_PX && all > room.most_pixels)
+        {
+            n_columns = of_whole_squares(u64::from((right - self.left) / 2).max(SQUARE_PX)) as u32;
+            right = right_of(n_columns);
+        }
         let piece = Piece { columns: self.left..right, rows: self.top..bottom };
         *self =
             if right < width { Self { left: right, top: self.top } } else { Self { left: 0, top: bottom } };
         Some(piece)
     }
 }
+
+/// Part of a picture whose pixels cost more than others.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Dear {
+    /// Left, top, right and bottom, in the part's pixels.
+    pub rect_px: [u32; 4],
+    /// Pixels as which one of its own counts beside itself.
+    pub more: u64,
+}
+
+impl Dear {
+    /// Returns as how many pixels more its own count of those from `left`, `top` to `right`, `bottom`.
+    fn pixels_within(self, [left, top, right, bottom]: [u32; 4]) -> u64 {
+        let [own_left, own_top, own_right, own_bottom] = self.rect_px;
+        let overlap =
+            |from: [u32; 2], to: [u32; 2]| u64::from(to[0].min(to[1]).saturating_sub(from[0].max(from[1])));
+        self.more
+            * overlap([left, own_left], [right, own_right])
+            * overlap([top, own_top], [bottom, own_bottom])
+    }
+}
+
+/// Most pixels of a piece that is not divided for what is dear in it.
+const SMALL_PIECE_PX: u64 = 1 << 16;
 
 /// Pixels a side of the squares that rasterisers in software divide a picture into, and also divides those of most devices: what lies across
 /// their edges is worked on twice.
@@ -116,7 +155,7 @@ mod tests {
         let view =
             View { pose, frustum: Frustum::around_axis(1.0, 4, 4), width_px: width, height_px: height };
         let mut cursor = Cursor::default();
-        std::iter::from_fn(|| cursor.next(&view, room)).collect()
+        std::iter::from_fn(|| cursor.next(&view, room, &[])).collect()
     }
 
     #[test]
@@ -173,5 +212,34 @@ mod tests {
         assert_eq!(sides((5000, 300), 442_000), (1472, 300, 4));
         assert_eq!(sides((100, 100), 500), (22, 22, 25));
         assert_eq!(sides((33, 14), 1), (1, 1, 33 * 14));
+    }
+
+    #[test]
+    fn pieces_with_much_that_is_dear_have_fewer_columns() {
+        let pose = Pose::looking_at(DVec3::ZERO, DVec3::X).expect("a direction");
+        let view = View { pose, frustum: Frustum::around_axis(1.0, 4, 4), width_px: 2000, height_px: 1000 };
+        let room = Room { most_pixels: 442_000, ..room(Sampling::ONCE, 8192, 1 << 30, 0) };
+        let dear = [
+            Dear { rect_px: [700, 0, 1200, 1000], more: 8 },
+            Dear { rect_px: [0, 900, 2000, 900], more: 8 },
+            Dear { rect_px: [1980, 990, 2000, 1000], more: 8 },
+        ];
+        let mut cursor = Cursor::default();
+        let pieces: Vec<Piece> = std::iter::from_fn(|| cursor.next(&view, room, &dear)).collect();
+        let counted = |Piece { columns, rows }: &Piece| {
+            let within = |dear: &Dear| dear.pixels_within([columns.start, rows.start, columns.end, rows.end]);
+            (columns.len() * rows.len()) as u64 + dear.iter().map(within).sum::<u64>()
+        };
+        assert!(
+            pieces.iter().all(|piece| counted(piece) <= 442_000 || piece.columns.len() <= 64),
+            "{pieces:?}"
+        );
+        let n_pixels: usize = pieces.iter().map(|piece| piece.columns.len() * piece.rows.len()).sum();
+        assert_eq!(n_pixels, 2000 * 1000, "each pixel once");
+        assert_eq!((&pieces[0].columns, &pieces[0].rows), (&(0..640), &(0..640)), "nothing in it is dear");
+        assert_eq!(pieces[1].columns, 640..768, "most of what comes next is");
+        let small = View { width_px: 320, height_px: 180, ..view };
+        let all = [Dear { rect_px: [0, 0, 320, 180], more: 100 }];
+        assert_eq!(Cursor::default().next(&small, room, &all).map(|piece| piece.columns), Some(0..320));
     }
 }

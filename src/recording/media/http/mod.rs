@@ -25,7 +25,7 @@ use pictures::Splitter;
 use std::sync::mpsc::SyncSender;
 use std::time::Duration;
 use tokio::sync::oneshot;
-use tokio::time::{Instant, sleep_until, timeout};
+use tokio::time::{Instant, sleep_until, timeout, timeout_at};
 
 /// Most bytes of pictures that wait to be decoded.
 const WAITING_BYTES: u64 = 32 << 20;
@@ -38,6 +38,10 @@ const MAX_KIND_LETTERS: usize = 60;
 
 /// Least time between two questions to a camera that answers a picture at a time.
 const PICTURE_TIME: Duration = Duration::from_millis(200);
+
+/// Longest time from an answer's head to the end of the first picture: a little less than that after which a camera without a frame is
+/// given up, so that it is told why there is none.
+const FIRST_PICTURE_TIME: Duration = Duration::from_secs(8);
 
 /// Time in which the first picture must begin once something came.
 const BETWEEN_TIME: Duration = Duration::from_secs(6);
@@ -119,7 +123,17 @@ impl Http {
     ) -> Result<u64, Fault> {
         let mut splitter = Splitter::default();
         let (mut n_pictures, began) = (0, Instant::now());
-        while let Some(frame) = answer.frame().await {
+        loop {
+            let is_first = n_pictures == 0 && size.is_none() && splitter.is_within();
+            let frame = if is_first {
+                let frame = timeout_at(began + FIRST_PICTURE_TIME, answer.frame()).await;
+                frame.map_err(|_late| {
+                    Fault::Damaged("the first picture that it sends does not end".to_owned())
+                })?
+            } else {
+                answer.frame().await
+            };
+            let Some(frame) = frame else { break };
             let Ok(frame) = frame else { break };
             let Some(bytes) = frame.data_ref() else { continue };
             splitter.push(bytes);
