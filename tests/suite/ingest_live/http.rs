@@ -88,6 +88,19 @@ fn a_camera_that_sends_other_pictures_is_told_of_before_it_counts_as_silent() {
 }
 
 #[test]
+fn a_first_picture_that_does_not_end_is_told_of_before_the_camera_counts_as_silent() {
+    const HEAD: &str = "HTTP/1.1 200 OK\r\nContent-Type: image/jpeg\r\nContent-Length: 8589934592\r\n\r\n";
+    let (port, _) = camera_with_head(HEAD, |stream| {
+        let whole = jpeg(9);
+        stream.write_all(&whole[..whole.len() / 2])?;
+        pause(60_000);
+        Ok(())
+    });
+    let error = look(&format!("http://127.0.0.1:{port}/")).unwrap_err().to_string();
+    assert!(error.contains("the first picture that it sends does not end"), "{error}");
+}
+
+#[test]
 fn pictures_come_and_the_camera_hears_its_own_name() {
     let (port, heads) = camera(|stream| {
         for n in 0..500 {
