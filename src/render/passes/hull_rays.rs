@@ -44,6 +44,19 @@ impl HullSurface {
         })
     }
 
+    /// Returns it as what a pass draws into, with nothing on it at first.
+    pub(super) const fn cleared(&self) -> wgpu::RenderPassColorAttachment<'_> {
+        wgpu::RenderPassColorAttachment {
+            view: &self.view,
+            depth_slice: None,
+            resolve_target: None,
+            ops: wgpu::Operations {
+                load: wgpu::LoadOp::Clear(wgpu::Color::TRANSPARENT),
+                store: wgpu::StoreOp::Store,
+            },
+        }
+    }
+
     /// Bytes that it takes.
     pub(crate) fn n_bytes(&self) -> u64 {
         u64::from(self.texture.width()) * u64::from(self.texture.height()) * 16
@@ -192,15 +205,7 @@ impl HullRaysPass {
 fn clear(recording: &mut Recording<'_>, surface: &HullSurface) {
     let descriptor = wgpu::RenderPassDescriptor {
         label: Some(LABEL),
-        color_attachments: &[Some(wgpu::RenderPassColorAttachment {
-            view: &surface.view,
-            depth_slice: None,
-            resolve_target: None,
-            ops: wgpu::Operations {
-                load: wgpu::LoadOp::Clear(wgpu::Color::TRANSPARENT),
-                store: wgpu::StoreOp::Store,
-            },
-        })],
+        color_attachments: &[Some(surface.cleared())],
         ..wgpu::RenderPassDescriptor::default()
     };
     drop(recording.gpu.begin_pass(recording.encoder, LABEL, &descriptor));
