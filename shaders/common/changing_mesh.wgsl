@@ -65,4 +65,4 @@ struct ChangingMesh {
     cameras: array<MeshCamera, MOST_VIEWS>,
 }
 
-@group(1) @binding(0) var<uniform> mesh: ChangingMesh;
+@group(1) @binding(0) var<storage, read> mesh: ChangingMesh;

@@ -65,7 +65,7 @@ struct HullView {
     pad_tile: vec2<f32>,
 }
 
-@group(2) @binding(0) var<uniform> hull_frame: HullFrame;
+@group(2) @binding(0) var<storage, read> hull_frame: HullFrame;
 @group(2) @binding(1) var<storage, read> hulls: array<Hull>;
 @group(2) @binding(2) var<storage, read> hull_views: array<HullView>;
 // Both ends of an edge in the camera's tangent plane.
@@ -84,10 +84,8 @@ struct HullRay {
 
 fn hull_ray(pixel: vec2<f32>) -> HullRay {
     let offset = hull_frame.corner + hull_frame.across * pixel.x + hull_frame.along * pixel.y;
-    if view.is_parallel != 0u {
-        return HullRay(offset, view.forward);
-    }
-    return HullRay(view.eye_from_anchor, offset);
+    let is_parallel = view.is_parallel != 0u;
+    return HullRay(select(view.eye_from_anchor, offset, is_parallel), select(offset, view.forward, is_parallel));
 }
 
 // Where a ray is within the hull's bounds; the first is greater than the second where it misses them.

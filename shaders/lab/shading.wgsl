@@ -18,7 +18,7 @@ struct Scene {
     cameras: array<Camera, 8>,
 }
 
-@group(0) @binding(0) var<uniform> scene: Scene;
+@group(0) @binding(0) var<storage, read> scene: Scene;
 @group(0) @binding(1) var pictures: texture_2d_array<f32>;
 @group(0) @binding(2) var picture_sampler: sampler;
 @group(0) @binding(3) var drawn: texture_storage_2d<rgba8unorm, write>;

@@ -60,7 +60,7 @@ struct Lent {
     high: vec4<f32>,
 }
 
-@group(0) @binding(0) var<uniform> frame: FieldFrame;
+@group(0) @binding(0) var<storage, read> frame: FieldFrame;
 @group(0) @binding(1) var<storage, read> vertices: array<FieldVertex>;
 @group(0) @binding(2) var<storage, read> groups: array<FieldGroup>;
 @group(0) @binding(3) var<storage, read_write> weights: array<Lent>;

@@ -21,7 +21,7 @@ struct Kept {
     beyond: vec4<f32>,
 }
 
-@group(0) @binding(0) var<uniform> mesh: MeshSize;
+@group(0) @binding(0) var<storage, read> mesh: MeshSize;
 @group(0) @binding(1) var<storage, read> positions: array<vec4<f32>>;
 @group(0) @binding(2) var<storage, read> corners: array<u32>;
 @group(0) @binding(3) var<storage, read> opposite: array<u32>;

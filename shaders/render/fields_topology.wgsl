@@ -13,7 +13,7 @@ struct MeshSize {
     same_m: f32,
 }
 
-@group(0) @binding(0) var<uniform> mesh: MeshSize;
+@group(0) @binding(0) var<storage, read> mesh: MeshSize;
 // From the mesh's origin, metres.
 @group(0) @binding(1) var<storage, read> positions: array<vec4<f32>>;
 // Three a face.

@@ -1,6 +1,6 @@
 //! What the device knows of entities' hulls: bind group 2 of the passes that find and show them.
 
-use super::passes::{FILTERED, texture_entry};
+use super::passes::{FILTERED, read_entry, texture_entry};
 use crate::gpu::{Gpu, GrowingBuffer, TextureDescriptor, mirror};
 use glam::{DVec2, DVec3};
 use videofields_picture::fuse::{EntityHull, SceneState};
@@ -131,23 +131,16 @@ struct Scratch {
 impl HullData {
     pub(super) fn new(gpu: &Gpu) -> Self {
         let visibility = wgpu::ShaderStages::VERTEX_FRAGMENT | wgpu::ShaderStages::COMPUTE;
-        let buffer = |binding, ty| wgpu::BindGroupLayoutEntry {
-            binding,
-            visibility,
-            ty: wgpu::BindingType::Buffer { ty, has_dynamic_offset: false, min_binding_size: None },
-            count: None,
-        };
-        let storage = wgpu::BufferBindingType::Storage { read_only: true };
         let texture = texture_entry(5, wgpu::TextureViewDimension::D2Array, FILTERED);
         let sampler = wgpu::BindingType::Sampler(wgpu::SamplerBindingType::Filtering);
         let layout = gpu.device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
             label: Some("hulls"),
             entries: &[
-                buffer(0, wgpu::BufferBindingType::Uniform),
-                buffer(1, storage),
-                buffer(2, storage),
-                buffer(3, storage),
-                buffer(4, storage),
+                read_entry(0, visibility),
+                read_entry(1, visibility),
+                read_entry(2, visibility),
+                read_entry(3, visibility),
+                read_entry(4, visibility),
                 wgpu::BindGroupLayoutEntry { visibility, ..texture },
                 wgpu::BindGroupLayoutEntry { binding: 6, visibility, ty: sampler, count: None },
             ],
@@ -162,7 +155,7 @@ impl HullData {
         Self {
             layout,
             sampler,
-            frames: [0, 1].map(|_| GrowingBuffer::new("hull frame", wgpu::BufferUsages::UNIFORM)),
+            frames: [0, 1].map(|_| storage("hull frame")),
             hulls: storage("hulls"),
             views: storage("hull views"),
             edges: storage("hull edges"),

@@ -103,7 +103,7 @@ struct Along {
 /// Makes and shows texture fields of changing meshes.
 #[derive(Debug)]
 pub(super) struct MeshFields {
-    uniform: GrowingBuffer,
+    parameters: GrowingBuffer,
     size: GrowingBuffer,
     positions: GrowingBuffer,
     corners: GrowingBuffer,
@@ -142,8 +142,8 @@ impl Default for MeshFields {
         let corners = wgpu::BufferUsages::STORAGE.union(wgpu::BufferUsages::INDEX);
         let homes = wgpu::BufferUsages::STORAGE.union(wgpu::BufferUsages::COPY_SRC);
         Self {
-            uniform: GrowingBuffer::new("mesh", wgpu::BufferUsages::UNIFORM),
-            size: GrowingBuffer::new("mesh size", wgpu::BufferUsages::UNIFORM),
+            parameters: GrowingBuffer::new("mesh", wgpu::BufferUsages::STORAGE),
+            size: GrowingBuffer::new("mesh size", wgpu::BufferUsages::STORAGE),
             positions: GrowingBuffer::new("mesh positions", positions),
             corners: GrowingBuffer::new("mesh corners", corners),
             normals: storage("mesh normals"),
@@ -192,7 +192,7 @@ impl MeshFields {
         let is_there = session.both[latest].n_vertices > 0;
         let follow = passed_secs.filter(|_| is_there).map_or(1.0, |secs| -(-secs / FOLLOW_SECS).exp_m1());
         let n_before = if is_same || follow >= 1.0 { 0 } else { session.both[latest].n_vertices };
-        let uniform = uniform(mesh, look, &maps_px, (follow, n_before, &session.cameras));
+        let parameters = parameters(mesh, look, &maps_px, (follow, n_before, &session.cameras));
         let on_device = OnDevice {
             size: self.size.write(gpu, &[mesh.size]).clone(),
             of: mesh.size,
@@ -200,7 +200,7 @@ impl MeshFields {
             corners: written(&mut self.corners, gpu, (&mesh.corners, self.made), mesh.number),
         };
         let written = WrittenMesh {
-            uniform: self.uniform.write(gpu, &[uniform]).clone(),
+            parameters: self.parameters.write(gpu, &[parameters]).clone(),
             on_device,
             normals: written(&mut self.normals, gpu, (&mesh.normals, self.made), mesh.number),
             homes: written(&mut self.homes, gpu, (&mesh.homes, self.made), mesh.number),
@@ -373,7 +373,7 @@ fn maps_px(mesh: &LentMesh) -> Vec<[u32; 2]> {
     mesh.cameras.iter().map(of).collect()
 }
 
-fn uniform(
+fn parameters(
     mesh: &LentMesh,
     look: &MeshLook<'_>,
     maps_px: &[[u32; 2]],

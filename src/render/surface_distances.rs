@@ -36,7 +36,7 @@ impl SurfaceDistances {
         Ok(Self {
             topology: FieldsTopologyPass::new(gpu)?,
             distances: FieldsDistancesPass::new(gpu)?,
-            size: GrowingBuffer::new("fields mesh", wgpu::BufferUsages::UNIFORM),
+            size: GrowingBuffer::new("fields mesh", wgpu::BufferUsages::STORAGE),
             positions: GrowingBuffer::new("fields positions", storage),
             corners: GrowingBuffer::new("fields corners", storage),
             begins: GrowingBuffer::new("fields begins", wgpu::BufferUsages::COPY_SRC),

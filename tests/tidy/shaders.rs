@@ -30,6 +30,7 @@ fn every_shader_of_the_lab_is_valid_and_has_its_owner() {
         let module = naga::front::wgsl::parse_str(&source)
             .unwrap_or_else(|error| panic!("{name}: {}", error.emit_to_string_with_path(&source, &name)));
         validate(&name, &module, &source);
+        assert_eq!(with_uniform_conditions(&module), [""; 0], "{name}");
         let owner =
             root.join("src/lab/gpu_report").join(path.file_name().expect("a name")).with_extension("rs");
         assert!(owner.is_file(), "{name} has no {}", owner.display());
@@ -91,6 +92,134 @@ fn mirror_structs_match_their_shaders() {
         }
         let alignment = layouter[handle].alignment.round_up(1);
         assert_eq!(mirror.size % alignment as usize, 0, "{place} can stand in an array");
+    }
+}
+
+/// Kinds of values that a condition depends on.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+enum DependsOn {
+    /// Literals, constants, and variables of the function, which count a loop's rounds.
+    Nothing,
+    /// A place of a uniform buffer that is known when the shader is compiled.
+    UniformBuffer,
+    /// Anything else.
+    More,
+}
+
+fn depends_on(
+    module: &naga::Module,
+    function: &naga::Function,
+    of: naga::Handle<naga::Expression>,
+) -> DependsOn {
+    use naga::Expression as E;
+    let on = |of| depends_on(module, function, of);
+    match &function.expressions[of] {
+        E::Literal(_) | E::Constant(_) | E::Override(_) | E::ZeroValue(_) | E::LocalVariable(_) => {
+            DependsOn::Nothing
+        }
+        E::GlobalVariable(global) => match module.global_variables[*global].space {
+            naga::AddressSpace::Uniform => DependsOn::UniformBuffer,
+            _ => DependsOn::More,
+        },
+        E::Load { pointer: base }
+        | E::AccessIndex { base, .. }
+        | E::Swizzle { vector: base, .. }
+        | E::Splat { value: base, .. }
+        | E::Unary { expr: base, .. }
+        | E::As { expr: base, .. } => on(*base),
+        // A place that is reckoned is not known when the shader is compiled.
+        E::Access { base, index } => match on(*index) {
+            DependsOn::Nothing => on(*base),
+            _ => DependsOn::More,
+        },
+        E::Binary { left, right, .. } => on(*left).max(on(*right)),
+        E::Select { condition, accept, reject } => on(*condition).max(on(*accept)).max(on(*reject)),
+        E::Relational { argument, .. } => on(*argument),
+        E::Compose { components, .. } => {
+            components.iter().map(|of| on(*of)).max().unwrap_or(DependsOn::Nothing)
+        }
+        E::Math { arg, arg1, arg2, arg3, .. } => {
+            let args = [Some(*arg), *arg1, *arg2, *arg3];
+            args.into_iter().flatten().map(on).max().unwrap_or(DependsOn::Nothing)
+        }
+        _ => DependsOn::More,
+    }
+}
+
+/// Adds the conditions of a block, and of those within it.
+fn add_conditions(block: &naga::Block, conditions: &mut Vec<naga::Handle<naga::Expression>>) {
+    for statement in block {
+        match statement {
+            naga::Statement::Block(inner) => add_conditions(inner, conditions),
+            naga::Statement::If { condition, accept, reject } => {
+                conditions.push(*condition);
+                add_conditions(accept, conditions);
+                add_conditions(reject, conditions);
+            }
+            naga::Statement::Switch { selector, cases } => {
+                conditions.push(*selector);
+                cases.iter().for_each(|case| add_conditions(&case.body, conditions));
+            }
+            naga::Statement::Loop { body, continuing, break_if } => {
+                conditions.extend(*break_if);
+                add_conditions(body, conditions);
+                add_conditions(continuing, conditions);
+            }
+            _ => {}
+        }
+    }
+}
+
+/// Returns the names of functions with a condition that depends on a uniform buffer alone.
+fn with_uniform_conditions(module: &naga::Module) -> Vec<String> {
+    let named = |function: &naga::Function| function.name.clone().unwrap_or_default();
+    let of_entries = module.entry_points.iter().map(|entry| (entry.name.clone(), &entry.function));
+    let functions =
+        module.functions.iter().map(|(_, function)| (named(function), function)).chain(of_entries);
+    let is_uniform = |function: &naga::Function| {
+        let mut conditions = Vec::new();
+        add_conditions(&function.body, &mut conditions);
+        conditions.into_iter().any(|of| depends_on(module, function, of) == DependsOn::UniformBuffer)
+    };
+    functions.filter(|(_, function)| is_uniform(function)).map(|(name, _)| name).collect()
+}
+
+/// Mesa's rasteriser (22.3, of Debian 12) compiles such shaders anew at every draw, and keeps each of these: memory grew by some
+/// megabytes a picture. Later versions keep one a value.
+#[test]
+fn no_shader_branches_on_a_uniform_buffer_alone() {
+    for path in SHADERS {
+        let found = with_uniform_conditions(&parse(path));
+        assert!(
+            found.is_empty(),
+            "{path}: {found:?}: read what decides from a storage buffer, or use select()"
+        );
+    }
+}
+
+#[test]
+fn branches_on_a_uniform_buffer_alone_are_found() {
+    let shader = |body: &str| {
+        let source = format!(
+            "struct Frame {{ n: u32, at: array<vec4<u32>, 4> }}
+            @group(0) @binding(0) var<uniform> frame: Frame;
+            @group(0) @binding(1) var<storage, read_write> out: array<u32>;
+            @compute @workgroup_size(1) fn cs(@builtin(global_invocation_id) id: vec3<u32>) {{ {body} }}"
+        );
+        naga::front::wgsl::parse_str(&source).expect("a valid shader")
+    };
+    for (body, is_found) in [
+        ("for (var i = 0u; i < frame.n; i++) { out[i] = i; }", true),
+        ("if frame.n > 3u && id.x > 2u { out[0] = 1u; }", true),
+        ("var i = 0u; loop { i++; continuing { break if i >= min(frame.at[1].y, 4u); } }", true),
+        ("switch frame.n { case 1u: { out[0] = 1u; } default: {} }", true),
+        ("if id.x < frame.n { out[0] = 1u; }", false),
+        ("if frame.at[id.x].x == 1u { out[0] = 1u; }", false),
+        ("for (var i = 0u; i < out[0]; i++) { out[i] = frame.n; }", false),
+        ("out[0] = select(1u, 2u, frame.n == 3u);", false),
+    ] {
+        let found = with_uniform_conditions(&shader(body));
+        assert_eq!(!found.is_empty(), is_found, "{body}: {found:?}");
     }
 }
 

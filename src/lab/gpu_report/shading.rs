@@ -29,7 +29,7 @@ struct Seen {
 /// `Scene` of shaders/lab/shading.wgsl.
 #[repr(C)]
 #[derive(Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
-struct Uniforms {
+struct Scene {
     eye: [f32; 4],
     forward: [f32; 4],
     right: [f32; 4],
@@ -41,7 +41,7 @@ struct Uniforms {
 }
 
 /// Returns ground seen from 12 m above it, under cameras that stand in a ring and look at its middle.
-fn uniforms(size_px: (u32, u32), n_cameras: usize) -> Uniforms {
+fn scene(size_px: (u32, u32), n_cameras: usize) -> Scene {
     let eye = Vec3::new(0.0, -14.0, 12.0);
     let forward = (Vec3::ZERO - eye).normalize();
     let right = forward.cross(Vec3::Z).normalize();
@@ -65,7 +65,7 @@ fn uniforms(size_px: (u32, u32), n_cameras: usize) -> Uniforms {
         Seen { clip_from_world: clip.to_cols_array(), position: position.extend(1.0).to_array() }
     };
     let direction = |of: Vec3| Vec4::from((of, 0.0)).to_array();
-    Uniforms {
+    Scene {
         eye: eye.extend(1.0).to_array(),
         forward: direction(forward),
         right: direction(right * half * aspect),
@@ -193,9 +193,9 @@ impl<'a> Shading<'a> {
     }
 
     fn bind(&self, pipeline: &Pipeline, n_cameras: usize) -> wgpu::BindGroup {
-        let usage = wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST;
-        let buffer = self.gpu.buffer("shading scene", size_of::<Uniforms>() as u64, usage);
-        self.gpu.queue.write_buffer(&buffer, 0, bytemuck::bytes_of(&uniforms(self.size_px, n_cameras)));
+        let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST;
+        let buffer = self.gpu.buffer("shading scene", size_of::<Scene>() as u64, usage);
+        self.gpu.queue.write_buffer(&buffer, 0, bytemuck::bytes_of(&scene(self.size_px, n_cameras)));
         let mut resources = vec![
             buffer.as_entire_binding(),
             wgpu::BindingResource::TextureView(&self.pictures),
@@ -309,7 +309,7 @@ mod tests {
 
     #[test]
     fn the_middle_of_the_picture_is_the_middle_of_the_ground_and_every_camera_sees_it() {
-        let scene = uniforms((640, 360), 8);
+        let scene = scene((640, 360), 8);
         let [eye, forward] =
             [scene.eye, scene.forward].map(|of| DVec3::new(of[0].into(), of[1].into(), of[2].into()));
         let ground = eye - forward * (eye.z / forward.z);

@@ -54,7 +54,7 @@ pub(crate) struct ChangingMesh {
 pub(crate) struct MadeMesh {
     /// Vertices, faces, views.
     pub n: [u32; 3],
-    pub uniform: wgpu::Buffer,
+    pub parameters: wgpu::Buffer,
     pub on_device: OnDevice,
     pub normals: wgpu::Buffer,
     pub homes: wgpu::Buffer,
@@ -86,7 +86,7 @@ pub(crate) struct MeshBuffers {
 
 /// What is written of a mesh before anything is made of it.
 pub(crate) struct WrittenMesh {
-    pub uniform: wgpu::Buffer,
+    pub parameters: wgpu::Buffer,
     pub on_device: OnDevice,
     pub normals: wgpu::Buffer,
     pub homes: wgpu::Buffer,
@@ -119,10 +119,10 @@ impl MeshBuffers {
             let [first, second] = pair;
             [first.sized(gpu, n_bytes), second.sized(gpu, n_bytes)]
         };
-        let WrittenMesh { uniform, on_device, normals, homes, shifts } = written;
+        let WrittenMesh { parameters, on_device, normals, homes, shifts } = written;
         MadeMesh {
             n,
-            uniform,
+            parameters,
             on_device,
             normals,
             homes,
@@ -191,7 +191,7 @@ impl ChangingMeshPass {
         };
         let OnDevice { positions, corners, .. } = &mesh.on_device;
         let buffers =
-            [&mesh.uniform, positions, corners, &mesh.shifts, by.weights, by.slots, &mesh.colors[0]];
+            [&mesh.parameters, positions, corners, &mesh.shifts, by.weights, by.slots, &mesh.colors[0]];
         let group = bind(gpu, (LABEL, &self.layout), &buffers);
         let textures = self.frames.bind_view(gpu, frames);
         let mut pass = recording.draw(LABEL, into);

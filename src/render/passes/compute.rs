@@ -1,4 +1,7 @@
-//! What passes that compute over lists have in common: a uniform buffer, storage buffers and textures, one thread an entry.
+//! Layouts and bindings of passes that compute over lists: a buffer of parameters, storage buffers and textures, one thread an entry.
+//!
+//! Parameters are in a storage buffer too. Mesa's rasteriser (22.3) compiles a shader anew at each draw or dispatch, and keeps each
+//! of these, where a condition or a loop depends on nothing but a uniform buffer.
 
 use crate::gpu::{Gpu, GpuError};
 
@@ -6,7 +9,7 @@ use crate::gpu::{Gpu, GpuError};
 const GROUP: u32 = 64;
 const MOST_GROUPS: u32 = 65_535;
 
-/// What a shader does with what is bound after its uniform buffer.
+/// Use that a shader makes of what is bound after its parameters.
 #[derive(Clone, Copy)]
 pub(super) enum Access {
     /// A storage buffer.
@@ -38,24 +41,19 @@ impl Access {
     }
 }
 
-/// A uniform buffer, and what comes after it.
+/// Returns the layout of a buffer of parameters, and what comes after it.
 pub(super) fn layout(gpu: &Gpu, label: &'static str, after: &[Access]) -> wgpu::BindGroupLayout {
     layout_for(gpu, label, (wgpu::ShaderStages::COMPUTE, after))
 }
 
-/// The same for passes that draw.
+/// Returns such a layout for passes that draw.
 pub(super) fn layout_for(
     gpu: &Gpu,
     label: &'static str,
     (visibility, after): (wgpu::ShaderStages, &[Access]),
 ) -> wgpu::BindGroupLayout {
     let entry = |binding, ty| wgpu::BindGroupLayoutEntry { binding, visibility, ty, count: None };
-    let uniform = wgpu::BindingType::Buffer {
-        ty: wgpu::BufferBindingType::Uniform,
-        has_dynamic_offset: false,
-        min_binding_size: None,
-    };
-    let mut entries = vec![entry(0, uniform)];
+    let mut entries = vec![entry(0, Access::Read.kind())];
     entries.extend((1..).zip(after).map(|(binding, access)| entry(binding, access.kind())));
     let descriptor = wgpu::BindGroupLayoutDescriptor { label: Some(label), entries: &entries };
     gpu.device.create_bind_group_layout(&descriptor)

@@ -154,7 +154,7 @@ impl FieldsPass {
         Ok(Self {
             layout,
             pipeline,
-            frame: GrowingBuffer::new("fields frame", wgpu::BufferUsages::UNIFORM),
+            frame: GrowingBuffer::new("fields frame", wgpu::BufferUsages::STORAGE),
             vertices: GrowingBuffer::new("fields vertices", wgpu::BufferUsages::STORAGE),
             groups: GrowingBuffer::new("fields groups", wgpu::BufferUsages::STORAGE),
             written: None,

@@ -53,7 +53,8 @@ impl MeshCarryPass {
         let heads = self.heads.sized(gpu, 4 * u64::from(Self::table_slots(before.n_vertices)));
         let following = self.following.sized(gpu, 4 * u64::from(before.n_vertices));
         recording.encoder.clear_buffer(&heads, 0, None);
-        let buffers = [&mesh.uniform, &mesh.homes, before.homes, before.weights, &heads, &following, carried];
+        let buffers =
+            [&mesh.parameters, &mesh.homes, before.homes, before.weights, &heads, &following, carried];
         let group = bind(gpu, (LABEL, &self.layout), &buffers);
         let span = recording.timer.span(LABEL);
         let writes = recording.timer.compute_writes(span);

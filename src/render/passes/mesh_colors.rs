@@ -53,7 +53,7 @@ impl MeshColorsPass {
         }
         let group = |before: usize| {
             let buffers = [
-                &mesh.uniform,
+                &mesh.parameters,
                 &mesh.on_device.positions,
                 &mesh.shifts,
                 &mesh.values[values],

@@ -117,7 +117,7 @@ impl MeshDepthsPass {
             [kept.texture.width(), kept.texture.height()] != size || kept.layers.len() < maps_px.len()
         });
         let maps = self.maps.get_or_insert_with(|| Maps::of(gpu, size, n_layers));
-        let group = bind(gpu, (LABEL, &self.layout), &[&mesh.uniform, &mesh.shifts]);
+        let group = bind(gpu, (LABEL, &self.layout), &[&mesh.parameters, &mesh.shifts]);
         let span = recording.timer.span(LABEL);
         for (idx, ([width, height], layer)) in (0..).zip(maps_px.iter().zip(&maps.layers)) {
             let descriptor = wgpu::RenderPassDescriptor {

@@ -56,7 +56,7 @@ impl MeshSightPass {
         let gpu = recording.gpu;
         let OnDevice { positions, corners, .. } = &mesh.on_device;
         let buffers = [
-            &mesh.uniform,
+            &mesh.parameters,
             positions,
             &mesh.normals,
             corners,

@@ -43,7 +43,7 @@ impl MeshSmoothPass {
         let OnDevice { positions, corners, .. } = &mesh.on_device;
         let group = |before: usize| {
             let buffers = [
-                &mesh.uniform,
+                &mesh.parameters,
                 positions,
                 corners,
                 &hangs_together.opposite,

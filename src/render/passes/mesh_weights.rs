@@ -36,8 +36,16 @@ impl MeshWeightsPass {
     ) {
         let gpu = recording.gpu;
         let OnDevice { positions, corners, .. } = &mesh.on_device;
-        let buffers =
-            [&mesh.uniform, positions, corners, &mesh.sights, &mesh.values[values], before, weights, slots];
+        let buffers = [
+            &mesh.parameters,
+            positions,
+            corners,
+            &mesh.sights,
+            &mesh.values[values],
+            before,
+            weights,
+            slots,
+        ];
         let group = bind(gpu, (LABEL, &self.layout), &buffers);
         let span = recording.timer.span(LABEL);
         let writes = recording.timer.compute_writes(span);

@@ -50,7 +50,6 @@ fn a_sweep_becomes_json_csv_and_a_page_that_loads_nothing() {
     }
     // Every pipeline on the front is none that another beats; the knee is one of them.
     let pipelines = &report.stage(Stage::Pipeline).unwrap().rows;
-    // The machine's times decide which forms stay on the stages' fronts, and so how many there are.
     assert!((1..=SCOPE.max_pipelines).contains(&pipelines.len()), "{}", pipelines.len());
     for name in &report.front {
         let own = pipelines.iter().find(|row| row.value == *name).unwrap();
@@ -64,7 +63,11 @@ fn a_sweep_becomes_json_csv_and_a_page_that_loads_nothing() {
     let is_left_out = |stage: &str, value: &str| {
         report.skipped.iter().any(|skipped| skipped.stage == stage && skipped.value.starts_with(value))
     };
-    assert!(is_left_out("map", "grid 0.01 m") && is_left_out("pipeline", ""), "{:?}", report.skipped);
+    assert!(is_left_out("map", "grid 0.01 m"), "{:?}", report.skipped);
+    // The machine's times decide how many pipelines there are, but each of them has two surfaces. A bound that is odd leaves
+    // out at least one where there are more than two.
+    let n_left_out = report.skipped.iter().filter(|skipped| skipped.stage == "pipeline").count();
+    assert_eq!((pipelines.len() + n_left_out) % 2, 0, "{pipelines:?} {:?}", report.skipped);
 
     let written = report.write(folder.path(), &found.examples).unwrap();
     let text = |name: &str| std::fs::read_to_string(folder.path().join(name)).unwrap();
