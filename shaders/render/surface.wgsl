@@ -351,7 +351,7 @@ fn mixed(point: vec3<f32>, lent_low: vec4<f32>, lent_high: vec4<f32>, material: 
             level = level_of_detail(k, dpdx(projection.texture), dpdy(projection.texture));
         }
         let inset = min(projection.texture, 1.0 - projection.texture);
-        let is_drawn = listed < MAX_CAMERAS && weight > LEAST_SHARE;
+        let is_drawn = (listed < MAX_CAMERAS) & (weight > LEAST_SHARE);
         if !(is_drawn && projection.is_seen && min(inset.x, inset.y) >= 0.0) {
             continue;
         }
