@@ -176,9 +176,11 @@ class Account:
         missing = []
         for connection, frames in sorted(self.sent.items()):
             frames = [(n, frame) for n, frame in sorted(frames.items()) if frame["what"] != "omitted"]
-            last = max((n for n, frame in frames if frame["what"] == "whole"), default=-1)
-            last_found = max((n for n, _ in frames if (*connection, n) in self.found), default=-1)
             ended_at, who = self.ends.get(connection, (float("inf"), "server"))
+            leaves_at = ended_at - ON_THE_WAY_SECS if who == "daemon" else float("inf")
+            # Of those that were not on their way at the end: after a silence, the last one before it.
+            last = max((n for n, frame in frames if frame["what"] == "whole" and frame["at"] <= leaves_at), default=-1)
+            last_found = max((n for n, _ in frames if (*connection, n) in self.found), default=-1)
             reason = "early"
             for n, frame in frames:
                 if frame["what"] in ("lost", "damaged"):
@@ -187,8 +189,7 @@ class Account:
                     reason = None
                 if frame["what"] != "whole" or (*connection, n) in self.found:
                     continue
-                is_leaving = who == "daemon" and frame["at"] > ended_at - ON_THE_WAY_SECS
-                why = reason or ("left" if is_leaving else "last" if n == last else None)
+                why = reason or ("left" if frame["at"] > leaves_at else "last" if n == last else None)
                 missing.append((frame["at"], why, connection, n, "end" if n > last_found else "middle"))
         counts = []
         for (_, before), (at, now) in zip(seen, seen[1:]):

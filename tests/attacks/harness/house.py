@@ -22,6 +22,8 @@ PASSWORD = "a password of this house"
 ALL = "*=live,history,export,manage"
 START_SECONDS = 120.0
 CAMERAS = ("west", "east", "north")
+WRITTEN_BY_CAMERAS = {"background", "background_history", "texture_map", "measured_cost", "segment", "activity", "track",
+                      "entity_set", "entity_span", "entity"}
 
 CONFIG = """\
 [storage]
@@ -209,6 +211,18 @@ class House:
 
     def database_mib(self):
         return sum(path.stat().st_size for path in self.folder.glob("attacks.sqlite*") if path.is_file()) / 2**20
+
+    def written_by_callers_mib(self):
+        """Bytes in the rows that requests can write: all but those of what cameras see, which grow by themselves."""
+        n_bytes = 0
+        with self.database() as database:
+            for (table,) in database.execute("select name from sqlite_schema where type = 'table' and name not like 'sqlite_%'").fetchall():
+                if table in WRITTEN_BY_CAMERAS:
+                    continue
+                columns = [row[1] for row in database.execute(f"pragma table_info({table})")]
+                lengths = " + ".join(f"coalesce(length(cast({column} as blob)), 0)" for column in columns)
+                n_bytes += database.execute(f"select coalesce(sum({lengths}), 0) from {table}").fetchone()[0]
+        return n_bytes / 2**20
 
     def figures(self):
         """Memory, rows of the audit log, database and log, for a table."""
