@@ -243,6 +243,7 @@ RULES = [
     r"lies outside the media roots",
     # An address in no network that cameras may be in, and bytes that are not what a file's name says.
     r"is in none of the networks of media\.networks",
+    r"^name the `address` of one camera beside them",
     r"^this is no .*, though the file's name says so$",
     # A frame of a wall that is not due for long.
     r"is due in [0-9.]+s; at most",
