@@ -241,9 +241,7 @@ RULES = [
     r"no camera is named",
     r"the json format is in metres",
     r"lies outside the media roots",
-    # An address in no network that cameras may be in, and bytes that are not what a file's name says.
-    r"is in none of the networks of media\.networks",
-    r"^name the `address` of one camera beside them",
+    # Bytes that are not what a file's name says.
     r"^this is no .*, though the file's name says so$",
     # A frame of a wall that is not due for long.
     r"is due in [0-9.]+s; at most",
@@ -256,7 +254,7 @@ DOCUMENTS = {
     "put_scene", "change_scene", "import_scene", "put_wall", "change_wall", "put_named_view", "change_named_view",
     "put_privacy", "change_privacy", "change_source", "change_segment", "put_user", "put_calibration", "put_playhead", "change_playhead",
     "ask_export", "make_snapshot", "annotate_snapshot", "add_token", "read_calibration", "look_at_source",
-    "solve_calibration", "turn_calibration",
+    "discover_cameras", "solve_calibration", "turn_calibration",
 }
 
 
