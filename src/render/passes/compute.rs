@@ -1,7 +1,7 @@
 //! Layouts and bindings of passes that compute over lists: a buffer of parameters, storage buffers and textures, one thread an entry.
 //!
-//! Parameters are in a storage buffer too. Mesa's rasteriser (22.3) compiles a shader anew at each draw or dispatch, and keeps each
-//! of these, where a condition or a loop depends on nothing but a uniform buffer.
+//! Parameters are in a storage buffer too: where a condition or a loop depends on a uniform buffer alone, Mesa's rasteriser (22.3)
+//! compiles the shader anew at each draw or dispatch, and keeps what it compiled.
 
 use crate::gpu::{Gpu, GpuError};
 
