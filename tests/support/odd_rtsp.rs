@@ -38,6 +38,27 @@ pub enum Parameter {
     Closes,
 }
 
+/// Status of an answer to a transport that is not there.
+pub const UNSUPPORTED_TRANSPORT: &str = "461 Unsupported Transport";
+
+/// Reaction of a camera to a client that asks for its stream over TCP.
+#[derive(Clone, Copy, Debug, Default)]
+pub enum OverTcp {
+    /// Gives it.
+    #[default]
+    Given,
+    /// Refuses with this status.
+    Refused(&'static str),
+    /// Refuses with this status, and ends the connection with the next request.
+    RefusedAndClosed(&'static str),
+    /// Answers with ports of UDP.
+    AnsweredByUdp,
+    /// Answers with ports of UDP, and gives it.
+    GivenLoosely,
+    /// Says that it gives it, and sends nothing.
+    Silent,
+}
+
 /// Differences of a camera from others.
 #[derive(Clone, Debug, Default)]
 pub struct Oddities {
@@ -57,8 +78,8 @@ pub struct Oddities {
     pub lets_in: bool,
     /// Challenge with which it answers signs of life until they bring its nonce, `late`.
     pub late_challenge: Option<&'static str>,
-    /// Gives its stream over UDP alone.
-    pub is_udp_only: bool,
+    /// Reaction to a client that asks for its stream over TCP.
+    pub over_tcp: OverTcp,
     /// Gives its stream over TCP alone.
     pub is_tcp_only: bool,
     /// Bytes that it sends between packets, every so many packets.
@@ -95,11 +116,11 @@ impl OddCamera {
         Self::listen(oddities, ("rtsp", &ball()), |stream| Box::new(stream))
     }
 
-    /// Starts a camera without oddities whose connections are encrypted, and whose pictures show their numbers.
-    pub fn encrypted(config: &Arc<rustls::ServerConfig>) -> Self {
+    /// Starts a camera whose connections are encrypted, and whose pictures show their numbers.
+    pub fn encrypted(config: &Arc<rustls::ServerConfig>, oddities: Oddities) -> Self {
         let config = Arc::clone(config);
         let numbered = start_numbered((ODD_PICTURES, 25), (320, 240), &packing());
-        Self::listen(Oddities::default(), ("rtsps", &numbered), move |stream| {
+        Self::listen(oddities, ("rtsps", &numbered), move |stream| {
             let connection = rustls::ServerConnection::new(Arc::clone(&config)).unwrap();
             Box::new(rustls::StreamOwned::new(connection, stream))
         })
@@ -124,6 +145,7 @@ impl OddCamera {
                     requests: Arc::clone(&kept),
                     packets: Arc::clone(&packets),
                     peer: None,
+                    is_closing: false,
                 };
                 std::thread::Builder::new().name("odd".to_owned()).spawn(move || connection.serve()).unwrap();
             }
@@ -191,6 +213,8 @@ struct Connection {
     packets: Packets,
     /// Place of packets that do not go through the connection.
     peer: Option<(UdpSocket, SocketAddr)>,
+    /// True where it ends with the next request for a transport.
+    is_closing: bool,
 }
 
 impl Connection {
@@ -269,9 +293,14 @@ impl Connection {
                 }
                 "SETUP" => {
                     let wish = header("Transport:").unwrap();
+                    if self.is_closing {
+                        return Err(std::io::ErrorKind::BrokenPipe.into());
+                    }
+                    self.is_closing = matches!(self.oddities.over_tcp, OverTcp::RefusedAndClosed(_))
+                        && wish.contains("TCP");
                     match self.set_up(&wish) {
-                        Some(transport) => lines.push(format!("Transport: {transport}")),
-                        None => status = "461 Unsupported Transport",
+                        Ok(transport) => lines.push(format!("Transport: {transport}")),
+                        Err(refusal) => status = refusal,
                     }
                 }
                 "GET_PARAMETER" => match self.oddities.parameter {
@@ -289,23 +318,34 @@ impl Connection {
         self.stream.write_all(text.as_bytes())
     }
 
-    fn set_up(&mut self, wish: &str) -> Option<String> {
+    /// Returns how the stream is given to who wishes for it so, or the status of a refusal.
+    fn set_up(&mut self, wish: &str) -> Result<String, &'static str> {
         let Some((_, ports)) = wish.split_once("client_port=") else {
-            return (!self.oddities.is_udp_only).then(|| "RTP/AVP/TCP;unicast;interleaved=0-1".to_owned());
+            self.peer = None;
+            return match self.oddities.over_tcp {
+                OverTcp::Given | OverTcp::Silent => Ok("RTP/AVP/TCP;unicast;interleaved=0-1".to_owned()),
+                OverTcp::Refused(status) | OverTcp::RefusedAndClosed(status) => Err(status),
+                OverTcp::AnsweredByUdp | OverTcp::GivenLoosely => {
+                    Ok("RTP/AVP;unicast;client_port=0-0;server_port=40000-40001".to_owned())
+                }
+            };
         };
         if self.oddities.is_tcp_only {
-            return None;
+            return Err(UNSUPPORTED_TRANSPORT);
         }
         let socket = UdpSocket::bind("127.0.0.1:0").unwrap();
         let port: u16 = ports.split('-').next().unwrap().parse().unwrap();
         let own_port = socket.local_addr().unwrap().port();
         self.peer = Some((socket, ([127, 0, 0, 1], port).into()));
-        Some(format!("RTP/AVP;unicast;client_port={ports};server_port={own_port}-{}", own_port + 1))
+        Ok(format!("RTP/AVP;unicast;client_port={ports};server_port={own_port}-{}", own_port + 1))
     }
 
     fn send(&mut self, packet: &[u8]) -> std::io::Result<()> {
         if let Some((socket, peer)) = &self.peer {
             return socket.send_to(packet, peer).map(|_n_bytes| ());
+        }
+        if matches!(self.oddities.over_tcp, OverTcp::Silent | OverTcp::AnsweredByUdp) {
+            return Ok(());
         }
         let length = packet.len() as u16;
         self.stream.write_all(&[&[b'$', 0][..], &length.to_be_bytes(), packet].concat())

@@ -2,7 +2,7 @@
 
 use super::*;
 use std::path::Path;
-use videofields_testing::odd_rtsp::{OddCamera, Oddities, Parameter};
+use videofields_testing::odd_rtsp::{OddCamera, Oddities, OverTcp, Parameter, UNSUPPORTED_TRANSPORT};
 use videofields_testing::tls;
 
 /// A camera of these oddities, and who is connected to it; 25 frames come a second.
@@ -71,12 +71,12 @@ fn damage_in_the_connection_costs_pictures_and_not_the_camera() {
 
 #[test]
 fn packets_that_change_places_in_a_picture_that_comes_late_cost_nothing() {
-    for is_udp_only in [false, true] {
-        let (_server, camera) = connect(Oddities { late_each: Some(25), is_udp_only, ..Oddities::default() });
+    for over_tcp in [OverTcp::Given, OverTcp::Refused(UNSUPPORTED_TRANSPORT)] {
+        let (_server, camera) = connect(Oddities { late_each: Some(25), over_tcp, ..Oddities::default() });
         let status = camera.wait_frames(100);
         let lost = camera.kept.0.lock().unwrap().lost.clone();
         let is_damaged = lost.iter().any(|(reason, _)| *reason == DropReason::Damaged);
-        assert!(status.retries == 0 && !is_damaged, "over UDP: {is_udp_only}: {status:?}");
+        assert!(status.retries == 0 && !is_damaged, "TCP: {over_tcp:?}: {status:?}");
     }
 }
 
@@ -87,13 +87,72 @@ fn loose_answers_are_taken() {
 
 #[test]
 fn a_transport_that_is_refused_is_followed_by_the_other() {
-    let server = stays_live(Oddities { is_udp_only: true, ..Oddities::default() }, 20);
-    assert_eq!(n_of(&server, "SETUP"), 2);
+    // Cameras refuse it in many words.
+    for status in [
+        UNSUPPORTED_TRANSPORT,
+        "406 TCP TRANSPORT IS NOT SUPPORTED",
+        "400 Bad Request",
+        "500 Internal Server Error",
+    ] {
+        let server = stays_live(Oddities { over_tcp: OverTcp::Refused(status), ..Oddities::default() }, 20);
+        assert_eq!(n_of(&server, "SETUP"), 2, "{status}");
+    }
     let server = OddCamera::start(Oddities { is_tcp_only: true, ..Oddities::default() });
     let camera = Camera::connect(SourceSettings { transport: Transport::Udp, ..settings(&server.url()) });
     assert_eq!(camera.wait_frames(20).retries, 0);
-    let (_server, camera) = connect(Oddities { is_udp_only: true, is_tcp_only: true, ..Oddities::default() });
+    let refuses =
+        |status| Oddities { over_tcp: OverTcp::Refused(status), is_tcp_only: true, ..Oddities::default() };
+    let (_server, camera) = connect(refuses(UNSUPPORTED_TRANSPORT));
     camera.wait_failed("neither over TCP nor over UDP");
+    let (_server, camera) = connect(refuses("500 Internal Server Error"));
+    camera.wait_failed("500");
+    // No other transport helps where the stream is not there, or the camera has too much to do.
+    let server = OddCamera::start(Oddities {
+        over_tcp: OverTcp::Refused("453 Not Enough Bandwidth"),
+        ..Oddities::default()
+    });
+    let camera = Camera::connect(settings(&server.url()));
+    camera.wait_failed("453");
+    assert!(server.requests().iter().all(|request| !request.contains("client_port")));
+}
+
+#[test]
+fn a_camera_that_answers_with_udp_to_who_asks_for_tcp_is_asked_for_udp() {
+    let (server, camera) = connect(Oddities { over_tcp: OverTcp::AnsweredByUdp, ..Oddities::default() });
+    let status = camera.wait_frames(20);
+    assert_eq!((status.retries, &status.reason), (0, &None), "{status:?}");
+    let requests = server.requests();
+    let of = |method: &str| requests.iter().filter(|request| request.starts_with(method)).collect::<Vec<_>>();
+    let (set_up, played, ended) = (of("SETUP"), of("PLAY"), of("TEARDOWN"));
+    assert!(set_up[0].contains("interleaved") && set_up[1].contains("client_port"), "{requests:?}");
+    assert_eq!((set_up.len(), played.len(), ended.len()), (2, 1, 1), "it is not left waiting: {requests:?}");
+}
+
+#[test]
+fn a_camera_that_ends_the_connection_with_its_refusal_is_asked_otherwise_the_next_time() {
+    let over_tcp = OverTcp::RefusedAndClosed("406 Not Acceptable");
+    let (server, camera) = connect(Oddities { over_tcp, ..Oddities::default() });
+    camera.wait_failed("406");
+    assert_eq!(camera.wait_frames(20).retries, 1);
+    assert_eq!(n_of(&server, "PLAY"), 1);
+}
+
+#[test]
+fn a_camera_that_answers_loosely_over_tcp_and_refuses_udp_is_taken_as_it_was_asked() {
+    let (server, camera) =
+        connect(Oddities { over_tcp: OverTcp::GivenLoosely, is_tcp_only: true, ..Oddities::default() });
+    let status = camera.wait_frames(20);
+    assert_eq!((status.retries, n_of(&server, "PLAY")), (0, 1), "{:?}", server.requests());
+}
+
+#[test]
+fn a_camera_that_sends_nothing_in_one_way_is_asked_for_the_other_the_next_time() {
+    let (server, camera) = connect(Oddities { over_tcp: OverTcp::Silent, ..Oddities::default() });
+    let status = camera.wait_frames(20);
+    assert_eq!(status.retries, 1, "{status:?}");
+    let requests = server.requests();
+    let set_up: Vec<_> = requests.iter().filter(|request| request.starts_with("SETUP")).collect();
+    assert!(set_up.len() == 2 && set_up[1].contains("client_port"), "{requests:?}");
 }
 
 /// Keeps the times of pictures and of the encoded frames that it is to record.
@@ -182,9 +241,11 @@ fn a_camera_proves_its_name_or_is_left() {
         assert!(alone.status.success() && said.contains("1 passed"), "{said}");
         return;
     };
-    let of = |folder: &Path| {
-        OddCamera::encrypted(&tls::server(&folder.join("site.pem"), &folder.join("site.key")))
+    let odd = |folder: &Path, oddities| {
+        let config = tls::server(&folder.join("site.pem"), &folder.join("site.key"));
+        OddCamera::encrypted(&config, oddities)
     };
+    let of = |folder: &Path| odd(folder, Oddities::default());
     let trusted = of(&folder);
     let camera = Camera::connect(settings(&trusted.url()));
     assert_eq!(camera.wait_frames(20).retries, 0);
@@ -203,6 +264,18 @@ fn a_camera_proves_its_name_or_is_left() {
     fails(&folder.join("expired"));
     tls::write_authority(files.folder(), "localhost", 2100);
     fails(files.folder());
+    // Neither silence, which somebody on the way may cause, nor an odd answer makes its stream come in the other way, which is not
+    // encrypted.
+    for over_tcp in [OverTcp::Silent, OverTcp::AnsweredByUdp, OverTcp::Refused("406 Not Acceptable")] {
+        let server = odd(&folder, Oddities { over_tcp, ..Oddities::default() });
+        let camera = Camera::connect(settings(&server.url()));
+        camera.wait("a second connection", |_| n_of(&server, "SETUP") >= 2);
+        let requests = server.requests();
+        assert!(
+            requests.iter().all(|request| !request.contains("client_port")),
+            "{over_tcp:?}: {requests:?}"
+        );
+    }
 }
 
 /// A camera with a login, and the folder of its password.

@@ -3,7 +3,7 @@
 use super::description::first_video;
 use super::message::{Piece, Reader};
 use super::packets::{Kind, unify};
-use super::session::server_ports;
+use super::transport::{named, server_ports};
 use crate::media::fault::Fault;
 use crate::media::fuzzing::{pieces, without_complaints};
 
@@ -28,7 +28,9 @@ pub fn rtsp_connection(data: &[u8]) -> usize {
                     let is_line = |value: &str| !value.contains(char::is_control);
                     assert!(response.headers(name).all(is_line), "{response:?}");
                 }
-                std::hint::black_box(response.header("transport").and_then(server_ports));
+                std::hint::black_box(
+                    response.header("transport").map(|header| (named(header), server_ports(header))),
+                );
             }
             Piece::Request(_) => {}
         }

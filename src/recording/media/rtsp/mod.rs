@@ -11,6 +11,7 @@ mod order;
 mod packets;
 mod session;
 mod times;
+mod transport;
 
 use super::client::{Peer, live_source, spawn};
 use super::fault::{ConnectionFault, gstreamer_fault};
@@ -147,23 +148,30 @@ impl Client for Rtsp {
 impl Rtsp {
     /// Plays until something ends it or it is stopped; what ended it.
     async fn run(&self, mut stopped: oneshot::Receiver<()>) -> Option<Fault> {
+        let (fault, is_answered_otherwise) = self.play(&mut stopped).await;
+        // Once more: it is asked for what it answered with.
+        if is_answered_otherwise { self.play(&mut stopped).await.0 } else { fault }
+    }
+
+    /// Plays over one connection; what ended it, and whether the camera answered with another transport than it was asked for.
+    async fn play(&self, stopped: &mut oneshot::Receiver<()>) -> (Option<Fault>, bool) {
         let connected = tokio::select! {
             connected = Session::connect(&self.target, &self.sinks) => connected,
-            _ = &mut stopped => return None,
+            _ = &mut *stopped => return (None, false),
         };
         let mut session = match connected {
             Ok(session) => session,
-            Err(fault) => return Some(fault),
+            Err(fault) => return (Some(fault), false),
         };
         let fault = tokio::select! {
             Err(fault) = session.play() => Some(fault),
-            _ = &mut stopped => None,
+            _ = &mut *stopped => None,
         };
         self.sinks.flush();
         let is_open = !matches!(fault, Some(Fault::Connection(ConnectionFault::Closed)));
         if is_open {
             session.end().await;
         }
-        fault
+        (fault, session.is_answered_otherwise())
     }
 }

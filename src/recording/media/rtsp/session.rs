@@ -6,12 +6,13 @@
 use super::description::{Stream, base, first_video, missing_reader};
 use super::message::{Piece, Reader, Response, Unreadable};
 use super::packets::{Kind, sign_of_life, unify};
-use super::{DATAGRAM_ORDER_TIME, ORDER_TIME, Sinks, Target};
+use super::{DATAGRAM_ORDER_TIME, ORDER_TIME, Sinks, Target, transport};
 use crate::media::client::{ANSWER_TIME, Bytes, USER_AGENT, connect, expect_success};
 use crate::media::fault::{ConnectionFault, Fault};
 use crate::media::login::Answering;
 use std::collections::BTreeSet;
 use std::net::{IpAddr, SocketAddr};
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Mutex, PoisonError};
 use std::time::Duration;
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
@@ -34,8 +35,8 @@ const UNAUTHORIZED: u16 = 401;
 /// Status of an answer for a session that the camera does not know any more.
 const SESSION_NOT_FOUND: u16 = 454;
 
-/// Status of an answer to a transport that the camera does not have.
-const UNSUPPORTED_TRANSPORT: u16 = 461;
+/// Time without any packet after which a transport is taken for one that gives nothing.
+const SILENT_TIME: Duration = Duration::from_secs(4);
 
 /// Bytes that are read at once.
 const CHUNK_BYTES: usize = 64 << 10;
@@ -69,6 +70,24 @@ pub(super) struct Session<'a> {
     /// Methods that the camera says it has.
     methods: Option<String>,
     payload_type: Option<u8>,
+    /// Transport over which the camera said that it plays, and when.
+    played: Option<(Transport, Instant)>,
+    /// True once any packet came.
+    has_packet: AtomicBool,
+    is_answered_otherwise: bool,
+}
+
+impl Drop for Session<'_> {
+    /// Remembers what came over the transport, whoever ended the session.
+    fn drop(&mut self) {
+        let Some((transport, at)) = self.played else { return };
+        let Target { peer, transport: wished, .. } = self.target;
+        if *self.has_packet.get_mut() {
+            transport::remember_packets(*wished, &peer.url, transport);
+        } else if at.elapsed() > SILENT_TIME {
+            self.remember_silence(transport);
+        }
+    }
 }
 
 /// A sign of life that was not answered yet.
@@ -96,6 +115,9 @@ impl<'a> Session<'a> {
             timeout: USUAL_TIMEOUT,
             methods: None,
             payload_type: None,
+            played: None,
+            has_packet: AtomicBool::new(false),
+            is_answered_otherwise: false,
         })
     }
 
@@ -119,6 +141,8 @@ impl<'a> Session<'a> {
         self.sinks.begin(&stream.caps);
         let played = self.request("PLAY", &stream.session, &[("Range", "npt=0.000-")]).await?;
         expect_success(played.status)?;
+        let transport = if matches!(way, Way::Tcp) { Transport::Tcp } else { Transport::Udp };
+        self.played = Some((transport, Instant::now()));
         self.follow(&stream, way).await
     }
 
@@ -132,40 +156,84 @@ impl<'a> Session<'a> {
         tracing::trace!(is_answered = ended.is_ok_and(|answer| answer.is_ok()), "a session is ended");
     }
 
+    /// Returns true where the camera answered with another transport than it was asked for: over a new connection it is asked for that.
+    pub(super) const fn is_answered_otherwise(&self) -> bool {
+        self.is_answered_otherwise
+    }
+
+    /// Remembers a transport that gave nothing. Over an encrypted connection silence counts for nothing: somebody on the way may cause it,
+    /// and the other way is not encrypted.
+    fn remember_silence(&self, transport: Transport) {
+        let Target { peer, transport: wished, .. } = self.target;
+        if !peer.is_encrypted {
+            transport::remember_silence(*wished, &peer.url, transport);
+        }
+    }
+
     /// Asks for the stream in the wished way, and in the other where the camera refuses that.
     async fn set_up(&mut self, stream: &Stream) -> Result<Way, Fault> {
-        let ways = match self.target.transport {
-            Transport::Tcp => [Transport::Tcp, Transport::Udp],
-            Transport::Udp => [Transport::Udp, Transport::Tcp],
-        };
-        for way in ways {
-            let sockets = if way == Transport::Udp { Some(self.sockets().await?) } else { None };
-            let wish = match &sockets {
-                None => "RTP/AVP/TCP;unicast;interleaved=0-1".to_owned(),
-                Some((_, _, port)) => format!("RTP/AVP;unicast;client_port={port}-{}", port + 1),
-            };
-            let answer = self.request("SETUP", &stream.control, &[("Transport", &wish)]).await?;
-            if answer.status == UNSUPPORTED_TRANSPORT {
-                tracing::info!(transport = ?way, "a camera refuses a transport");
-                continue;
+        let mut refused = None;
+        for way in transport::in_order(self.target.transport, &self.target.peer.url) {
+            match self.set_up_over(way, stream, refused).await {
+                Ok(Ok(way)) => return Ok(way),
+                Ok(Err(status)) => {
+                    tracing::info!(transport = ?way, status, "a camera refuses a transport");
+                    refused.get_or_insert((way, status));
+                }
+                // It refused the other before, and may have ended the connection with that: what it said of it counts.
+                Err(fault) => {
+                    let Some((first, status)) = refused else { return Err(fault) };
+                    self.remember_silence(first);
+                    return Err(refusal(status));
+                }
             }
-            expect_success(answer.status)?;
-            self.take_session(&answer);
-            let Some((packets, reports, _)) = sockets else { return Ok(Way::Tcp) };
-            let ports = answer.header("transport").and_then(server_ports);
-            let peer = |port: u16| {
-                let mut address = self.target.peer.address;
-                address.set_port(port);
-                address
-            };
-            if let Some((port, _)) = ports {
-                // A firewall lets in what was asked for.
-                let knock = packets.send_to(&sign_of_life(), peer(port)).await;
-                tracing::trace!(?knock, "a camera's port is knocked at");
-            }
-            return Ok(Way::Udp { packets, reports, report_to: ports.map(|(_, port)| peer(port)) });
         }
-        Err(Fault::Connection(ConnectionFault::NoTransport))
+        Err(refused.map_or(Fault::Connection(ConnectionFault::NoTransport), |(_, status)| refusal(status)))
+    }
+
+    /// Asks for the stream over that transport; the status, where the camera refuses that. `refused` is the other,
+    /// where it refused that.
+    async fn set_up_over(
+        &mut self,
+        way: Transport,
+        stream: &Stream,
+        refused: Option<(Transport, u16)>,
+    ) -> Result<Result<Way, u16>, Fault> {
+        let sockets = if way == Transport::Udp { Some(self.sockets().await?) } else { None };
+        let wish = match &sockets {
+            None => "RTP/AVP/TCP;unicast;interleaved=0-1".to_owned(),
+            Some((_, _, port)) => format!("RTP/AVP;unicast;client_port={port}-{}", port + 1),
+        };
+        let answer = self.request("SETUP", &stream.control, &[("Transport", &wish)]).await?;
+        if transport::is_refusal(&self.target.peer, answer.status) {
+            return Ok(Err(answer.status));
+        }
+        expect_success(answer.status)?;
+        self.take_session(&answer);
+        let given = answer.header("transport").and_then(transport::named);
+        let is_other = given.is_some_and(|given| given != way);
+        // One that has no other way writes its answer loosely.
+        let Target { peer, transport: wished, .. } = self.target;
+        let is_loose = refused.is_some() || transport::is_proven(*wished, &peer.url, way);
+        if is_other && !is_loose && !peer.is_encrypted {
+            tracing::info!(asked = ?way, ?given, "a camera answers with another transport");
+            self.is_answered_otherwise = true;
+            self.remember_silence(way);
+            return Err(Fault::Connection(ConnectionFault::NoTransport));
+        }
+        let Some((packets, reports, _)) = sockets else { return Ok(Ok(Way::Tcp)) };
+        let ports = answer.header("transport").and_then(transport::server_ports);
+        let peer = |port: u16| {
+            let mut address = self.target.peer.address;
+            address.set_port(port);
+            address
+        };
+        if let Some((port, _)) = ports {
+            // A firewall lets in what was asked for.
+            let knock = packets.send_to(&sign_of_life(), peer(port)).await;
+            tracing::trace!(?knock, "a camera's port is knocked at");
+        }
+        Ok(Ok(Way::Udp { packets, reports, report_to: ports.map(|(_, port)| peer(port)) }))
     }
 
     /// Binds two sockets side by side, the first at an even port.
@@ -337,6 +405,7 @@ impl<'a> Session<'a> {
     }
 
     fn take_packet(&self, mut packet: Vec<u8>) {
+        self.has_packet.store(true, Ordering::Relaxed);
         let Some(payload_type) = self.payload_type else { return };
         match unify(&mut packet, payload_type) {
             Kind::Rtp => self.sinks.push_packet(packet),
@@ -426,10 +495,10 @@ async fn receive(socket: Option<&UdpSocket>, bytes: &mut [u8]) -> std::io::Resul
     }
 }
 
-/// The camera's ports in a `Transport` header.
-pub(super) fn server_ports(transport: &str) -> Option<(u16, u16)> {
-    let ports = transport.split(';').find_map(|part| part.trim().strip_prefix("server_port="))?;
-    let (first, second) = ports.split_once('-').unwrap_or((ports, ""));
-    let first: u16 = first.trim().parse().ok()?;
-    Some((first, second.trim().parse().unwrap_or(first.saturating_add(1))))
+/// Returns the fault of a camera that refuses the transport that it was asked for first with that status, and the other too.
+fn refusal(status: u16) -> Fault {
+    let says_so = status == transport::UNSUPPORTED;
+    let fault =
+        if says_so { ConnectionFault::NoTransport } else { ConnectionFault::Status(u32::from(status)) };
+    Fault::Connection(fault)
 }

@@ -9,7 +9,7 @@ use std::net::{TcpListener, TcpStream};
 use std::path::Path;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
-use videofields_testing::odd_rtsp::{ODD_PICTURES, OddCamera};
+use videofields_testing::odd_rtsp::{ODD_PICTURES, OddCamera, Oddities};
 use videofields_testing::rtsp::RtspServer;
 use videofields_testing::video::luma_of;
 use videofields_testing::{say_skipped, tls};
@@ -223,7 +223,10 @@ fn an_encrypted_camera_comes_back_as_it_was() {
         assert!(alone.status.success() && said.contains("1 passed"), "{said}");
         return;
     };
-    let server = OddCamera::encrypted(&tls::server(&folder.join("site.pem"), &folder.join("site.key")));
+    let server = OddCamera::encrypted(
+        &tls::server(&folder.join("site.pem"), &folder.join("site.key")),
+        Oddities::default(),
+    );
     let (url, size_px) = (server.url(), (320, 240));
     let camera = Live { id: "rtsps-h264", url, size_px, recorded: H264, n_numbers: ODD_PICTURES };
     record_and_read(&[camera], || drop(server));
