@@ -2,15 +2,18 @@
 //!
 //! Requests that are answered at once are bounded, and so are bodies that come at once, each by pools of their own for known callers
 //! and for strangers. Within a pool users, or the addresses of strangers, have fair shares ([`Shares`]). A body that never comes takes
-//! a place where bodies come, for as long as bodies may take, and none where requests are answered.
+//! a place where bodies come, for as long as bodies may take, and none where requests are answered. Requests with large bodies are
+//! answered in turns by user on threads of a lower priority: no number of them delays what is live by much.
 
 use super::address;
 use super::connection::Connection;
 use super::content::MAX_BODY_BYTES;
 use super::error::Problem;
 use super::identity::Identity;
+use super::operation::MethodKind;
 use super::shares::{Place, Shares};
-use super::{Api, Limits};
+use super::turns::Turn;
+use super::{Api, Limits, session};
 use axum::body::{Body, Bytes, HttpBody};
 use axum::extract::{MatchedPath, Request, State};
 use axum::http::Method;
@@ -20,7 +23,10 @@ use futures_util::{StreamExt, stream};
 use std::hash::Hash;
 use std::net::IpAddr;
 use std::time::Duration;
-use tracing::Instrument;
+use tokio::runtime::Handle as Runtime;
+use tokio::task::JoinError;
+use tracing::{Instrument, Span};
+use videofields_recording::priority;
 use videofields_vision::access::Full;
 use videofields_vision::error::ErrorKind;
 
@@ -45,7 +51,11 @@ const STRANGERS_GRACE: Duration = Duration::from_millis(100);
 const STRANGERS_TIME: Duration = Duration::from_secs(5);
 
 /// The one route that takes a body of strangers.
-const LOG_IN: &str = "/api/v1/session";
+const LOG_IN: &str = session::PATH;
+
+/// Bytes from which on a body is read in turns by user and behind what is live: reading and checking one of 1 MiB takes a processor for
+/// tens of milliseconds.
+const LARGE_BYTES: usize = 32 << 10;
 
 /// Places of requests and of their bodies.
 #[derive(Clone, Debug)]
@@ -121,6 +131,13 @@ impl Asker {
         }
     }
 
+    fn user(self) -> Option<String> {
+        match self {
+            Self::Known(user) => user,
+            Self::Stranger(_) => None,
+        }
+    }
+
     /// Takes a place for them.
     ///
     /// # Errors
@@ -152,45 +169,85 @@ pub(super) async fn admit(
     let asker = Asker::of(&api, &request);
     let admitted = async {
         let route = matched.as_ref().map_or("", MatchedPath::as_str);
-        let request = received(&api, &asker, route, request).await?;
-        asker.take(&api.admission, Purpose::Answer).map(|place| (request, place))
+        let (request, n_bytes) = received(&api, &asker, route, request).await?;
+        let place = asker.take(&api.admission, Purpose::Answer)?;
+        Ok::<_, Problem>((request, n_bytes, place))
     };
     match admitted.await {
-        Ok((request, place)) => answered(api.limits.request_time, request, place, next).await,
+        Ok((request, n_bytes, place)) => {
+            let kind = match *request.method() {
+                Method::GET | Method::HEAD => MethodKind::Look,
+                _ => MethodKind::Change,
+            };
+            let answering = async move {
+                let response = next.run(request).await;
+                drop(place);
+                response
+            };
+            let time = api.limits.request_time;
+            if n_bytes < LARGE_BYTES || kind == MethodKind::Look {
+                return answered(time, kind, answering).await;
+            }
+            // Before its turn nothing has begun: whoever leaves, or waits for too long, changes nothing later.
+            match tokio::time::timeout(time, api.large_bodies.wait(asker.user())).await {
+                Ok(turn) => answered(time, kind, behind_others(turn, answering)).await,
+                Err(_elapsed) => too_late(time),
+            }
+        }
         Err(problem) => problem.into_response(),
     }
 }
 
-async fn answered(time: Duration, request: Request, place: Held, next: Next) -> Response {
-    let is_change = !matches!(*request.method(), Method::GET | Method::HEAD);
-    let answering = async move {
-        let response = next.run(request).await;
-        drop(place);
+/// Answers in that turn, on a thread of a lower priority.
+async fn behind_others(
+    turn: Turn<String>,
+    answering: impl Future<Output = Response> + Send + 'static,
+) -> Response {
+    let (runtime, span) = (Runtime::current(), Span::current());
+    let work = move || {
+        let response = runtime.block_on(answering.instrument(span));
+        drop(turn);
         response
     };
-    let answered = if is_change {
+    priority::spawn(work).await.unwrap_or_else(broke_off)
+}
+
+/// Returns what a caller reads whose request met a panic.
+fn broke_off(error: JoinError) -> Response {
+    Problem::new(ErrorKind::Internal, format!("a request broke off: {error}")).into_response()
+}
+
+async fn answered(
+    time: Duration,
+    kind: MethodKind,
+    answering: impl Future<Output = Response> + Send + 'static,
+) -> Response {
+    let answered = if kind == MethodKind::Change {
         // A change that takes too long goes on: broken off, what is on disk and what is in force could be two things.
         let changing = tokio::spawn(answering.in_current_span());
-        tokio::time::timeout(time, changing).await.map(|changed| {
-            changed.unwrap_or_else(|error| {
-                Problem::new(ErrorKind::Internal, format!("a change broke off: {error}")).into_response()
-            })
-        })
+        tokio::time::timeout(time, changing).await.map(|changed| changed.unwrap_or_else(broke_off))
     } else {
         tokio::time::timeout(time, answering).await
     };
-    answered.unwrap_or_else(|_elapsed| {
-        let detail = format!("no answer within {:.1} s", time.as_secs_f64());
-        Problem::new(ErrorKind::Unavailable, detail).into_response()
-    })
+    answered.unwrap_or_else(|_elapsed| too_late(time))
 }
 
-/// Returns a request whose body is here: all of it, or the first [`MAX_BODY_BYTES`] of one that few routes take. What a stranger sends to
-/// a route that wants none of it is not read.
-async fn received(api: &Api, asker: &Asker, route: &str, request: Request) -> Result<Request, Problem> {
+fn too_late(time: Duration) -> Response {
+    let detail = format!("no answer within {:.1} s", time.as_secs_f64());
+    Problem::new(ErrorKind::Unavailable, detail).into_response()
+}
+
+/// Returns a request whose body is here, and how many bytes of it are: all of it, or the first [`MAX_BODY_BYTES`] of one that few routes
+/// take. What a stranger sends to a route that wants none of it is not read.
+async fn received(
+    api: &Api,
+    asker: &Asker,
+    route: &str,
+    request: Request,
+) -> Result<(Request, usize), Problem> {
     let is_stranger = matches!(asker, Asker::Stranger(_));
     if request.body().is_end_stream() || is_stranger && route != LOG_IN {
-        return Ok(request);
+        return Ok((request, 0));
     }
     let (most, time) = if is_stranger {
         (STRANGERS_BYTES, STRANGERS_TIME)
@@ -226,11 +283,35 @@ async fn received(api: &Api, asker: &Asker, route: &str, request: Request) -> Re
     if is_stranger && first.len() > most {
         return Err(Problem::content_too_large());
     }
+    let n_bytes = first.len();
     let first = stream::iter([Ok(Bytes::from(first))]);
     let body = match ended {
         None => Body::from_stream(first),
         Some(Err(error)) => Body::from_stream(first.chain(stream::iter([Err(error)]))),
         Some(Ok(_nothing)) => Body::from_stream(first.chain(pieces)),
     };
-    Ok(Request::from_parts(head, body))
+    Ok((Request::from_parts(head, body), n_bytes))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::turns::Turns;
+
+    #[tokio::test]
+    async fn large_bodies_are_read_on_threads_of_a_lower_priority() {
+        let on_thread = async {
+            // Timers and what may block are those of the daemon's own runtime.
+            tokio::time::sleep(Duration::from_millis(1)).await;
+            std::thread::current().name().unwrap_or_default().to_owned().into_response()
+        };
+        let turns: Turns<String> = Turns::new(1);
+        let answer = behind_others(turns.wait(None).await, on_thread).await;
+        let body = axum::body::to_bytes(answer.into_body(), 64).await.unwrap();
+        assert_eq!(body, "low priority");
+        let panics = async { panic!("on purpose") };
+        let answer = behind_others(turns.wait(None).await, panics).await;
+        assert_eq!(answer.status(), axum::http::StatusCode::INTERNAL_SERVER_ERROR);
+        drop(turns.wait(None).await);
+    }
 }

@@ -3,12 +3,15 @@
 //! Noted is whatever changes something, whatever came of it, and who looked at what cameras saw, and of the past at which
 //! time ([`looks`]): of the same caller, target and ten minutes of the past once in ten minutes, so that a wall that pulls
 //! thirty pictures a second is a line and not a flood; and what was refused, of one user, route and status once in ten minutes with
-//! a count, of strangers once a route. What is only tried (`validate_only`) changes nothing: pages ask it while somebody types.
+//! a count, of strangers once a route. What is only tried (`validate_only`) and questions that keep nothing change nothing: pages ask
+//! them while somebody types or drags. Who is no administrator has so many changes and no more ([`super::change_budget`]), since no entry is
+//! left out.
 //!
 //! An entry is on disk before the answer goes out, and is written also where the caller leaves before. Where it cannot be written,
 //! nothing of the past is shown; what is live is, and what was changed is changed.
 
 use super::Api;
+use super::change_budget::{ChangeKind, is_change, is_counted};
 use super::error::Problem;
 use super::identity::{Asked, Identity};
 use super::looks::{self, Looks, Span};
@@ -63,6 +66,10 @@ pub(super) fn routes() -> Routes {
 /// What is noted beside a request's target, behind a `#`, which no target has: what was asked for in its body, what came of it.
 #[derive(Clone, Debug)]
 pub(super) struct Noted(pub(super) String);
+
+/// Mark of an answer to a request that succeeded and changed nothing, as a log-out where nobody is logged in.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct NothingChanged;
 
 /// The user as whom a request was answered that was a stranger's when it came.
 #[derive(Clone, Debug)]
@@ -187,21 +194,35 @@ pub(super) async fn note(
     let identity = request.extensions().get::<Identity>();
     let is_unknown = identity.is_none_or(Identity::is_stranger);
     let mut user = identity.and_then(|identity| identity.caller.user.clone());
-    let (mut response, span) = looks::of(line.clone(), next.run(request)).await;
+    let may_change = line.matched.is_some() && is_change(&line.method, line.route(), &line.uri);
+    let spender = identity.and_then(Identity::bounded_user).map(str::to_owned);
+    let spender = spender.filter(|_| may_change && is_counted(&line.method, line.route()));
+    let spent = spender.as_deref().map_or(Ok(()), |user| api.spend_change(user, ChangeKind::Other));
+    let is_over_budget = spent.is_err();
+    let (mut response, span) = match spent {
+        Ok(()) => looks::of(line.clone(), next.run(request)).await,
+        Err(problem) => (problem.into_response(), None),
+    };
     if let Some(Actor(actor)) = response.extensions_mut().remove::<Actor>() {
         user = Some(actor);
     }
     let told = response.extensions_mut().remove::<Noted>().map(|Noted(told)| told);
     let status = response.status();
+    let came_to_nothing =
+        is_refusal(status) || response.extensions_mut().remove::<NothingChanged>().is_some();
+    if let Some(user) = spender.filter(|_| !is_over_budget && came_to_nothing) {
+        api.change_budget.give_back(&user);
+    }
     if !matches!(line.method, Method::GET | Method::HEAD) {
         let is_strange = is_unknown && user.is_none() || status == StatusCode::UNAUTHORIZED;
-        if is_strange || line.matched.is_some() && !is_try(&line.uri, status) {
+        let is_noted = may_change || status == StatusCode::FORBIDDEN && line.matched.is_some();
+        if is_strange || is_noted {
             let once = if is_strange {
                 // A stranger may try without end, under any name: once a route, or the log would be theirs to fill.
                 Some((None, line.action()))
             } else {
                 // So may a user, but what they did is told one by one.
-                is_refusal(status).then(|| (user.clone(), format!("{} {}", line.action(), status.as_u16())))
+                came_to_nothing.then(|| (user.clone(), format!("{} {}", line.action(), status.as_u16())))
             };
             let told: Vec<String> = told.into_iter().chain(span.map(|span| span.to_string())).collect();
             note_change(&api, once, line.entry(&api, (user, status), &told)).await;
@@ -263,12 +284,6 @@ fn known_name(method: &Method) -> &str {
         Method::TRACE,
     ];
     if known.contains(method) { method.as_str() } else { "unknown" }
-}
-
-/// Whether a request by somebody who may ask it said that nothing is to be kept; routes that do not know the word refuse it.
-fn is_try(uri: &Uri, status: StatusCode) -> bool {
-    let says_so = |query: &str| query.split('&').any(|part| part == "validate_only=true");
-    status != StatusCode::FORBIDDEN && uri.query().is_some_and(says_so)
 }
 
 /// Entries, the oldest first.

@@ -47,6 +47,7 @@ const PARAMETERS: &[Parameter] = &[FORMAT, ENTRY, IMAGE_SIZE, METRES_PER_UNIT];
 /// The route that reads and keeps nothing.
 pub(super) fn routes() -> Routes {
     let import = Operation::new("read_calibration", "Reads another program's calibration and keeps nothing")
+        .keeps_nothing()
         .about("As `PUT` of a camera's calibration reads it.")
         .role(Role::Operator)
         .parameters(PARAMETERS)

@@ -28,6 +28,7 @@ pub(super) const MAX_SIDE_PX: u32 = 65_536;
 /// The route about cameras from pairs.
 pub(super) fn routes() -> Routes {
     let solve = Operation::new("solve_calibration", "The camera that shows places where they lie in its picture")
+        .keeps_nothing()
         .about(
             "Position and direction from pairs of picture points and places; the focal length and the first term of the lens's \
              distortion where asked. Nothing is kept. Pairs that leave open where the camera stands are refused.",

@@ -24,6 +24,7 @@ use videofields_vision::calibrate::{self, KnownView, Pencil, Turned, WorldAxis};
 /// The route about lines.
 pub(super) fn routes() -> Routes {
     let turn = Operation::new("turn_calibration", "How a camera is turned, by lines along the world's axes")
+        .keeps_nothing()
         .about(
             "Two or three pencils of lines that are parallel in the world give the rotation; the focal length too, where two of \
              them run together in the picture. Nothing is kept.",

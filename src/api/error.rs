@@ -9,6 +9,7 @@ use axum::body::Body;
 use axum::http::{HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use serde::Serialize;
+use std::time::Duration;
 use videofields_recording::accounts::AccountError;
 use videofields_recording::store::StoreError;
 use videofields_service::catalog::CatalogError;
@@ -30,6 +31,11 @@ pub(super) struct Problem {
 
 /// After how many seconds a 503 of which nothing else is known may be asked again.
 const RETRY_AFTER_SECS: u64 = 1;
+
+/// Returns whole seconds, a little later rather than too early.
+fn whole_secs(after: Duration) -> u64 {
+    (after.as_secs_f64().ceil() as u64).max(RETRY_AFTER_SECS)
+}
 
 /// A class of problems: its status, the last part of its type's URN and its title.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -53,7 +59,7 @@ const fn class_of(kind: ErrorKind) -> Class {
         }
         ErrorKind::Changed => class(StatusCode::PRECONDITION_FAILED, "changed", "It was changed meanwhile"),
         ErrorKind::Conflict => class(StatusCode::CONFLICT, "conflict", "It does not go with what there is"),
-        ErrorKind::Throttled => class(StatusCode::TOO_MANY_REQUESTS, "throttled", "Too many tries"),
+        ErrorKind::Throttled => class(StatusCode::TOO_MANY_REQUESTS, "throttled", "Too many requests"),
         ErrorKind::Forbidden => class(StatusCode::FORBIDDEN, "forbidden", "You may not do that"),
         ErrorKind::Unsupported => {
             class(StatusCode::NOT_IMPLEMENTED, "unsupported", "This daemon cannot do that")
@@ -172,8 +178,13 @@ impl Problem {
         Self::of(class, detail.to_owned())
     }
 
+    /// More than somebody may ask within a time, who may ask again after `wait`.
+    pub(super) fn throttled(detail: String, wait: Duration) -> Self {
+        Self { retry_after_secs: whole_secs(wait), ..Self::new(ErrorKind::Throttled, detail) }
+    }
+
     /// A body that did not come within `time`.
-    pub(super) fn content_too_late(time: std::time::Duration) -> Self {
+    pub(super) fn content_too_late(time: Duration) -> Self {
         let class = class(StatusCode::REQUEST_TIMEOUT, "timeout", "The request took too long");
         Self::of(class, format!("the body did not come within {:.1} s", time.as_secs_f64()))
     }
@@ -262,9 +273,7 @@ impl IntoResponse for Problem {
 impl From<EngineError> for Problem {
     fn from(error: EngineError) -> Self {
         let kind = error.kind();
-        // Whole seconds: a little later rather than too early.
-        let secs = |after: std::time::Duration| (after.as_secs_f64().ceil() as u64).max(RETRY_AFTER_SECS);
-        let retry_after_secs = error.retry_after().map_or(RETRY_AFTER_SECS, secs);
+        let retry_after_secs = error.retry_after().map_or(RETRY_AFTER_SECS, whole_secs);
         let problem = match (&error, error.fault()) {
             (_, Some(fault)) => Self::at(kind, vec![fault.clone()]),
             (EngineError::Gap { .. }, None) => {
@@ -297,10 +306,7 @@ impl From<AccountError> for Problem {
         match error {
             AccountError::Store(error) => (&*error).into(),
             AccountError::Faults(faults) => Self::at(kind, faults),
-            AccountError::Throttled { wait } => {
-                let retry_after_secs = (wait.as_secs_f64().ceil() as u64).max(RETRY_AFTER_SECS);
-                Self { retry_after_secs, ..Self::new(kind, error.to_string()) }
-            }
+            AccountError::Throttled { wait } => Self::throttled(error.to_string(), wait),
             error => Self::new(kind, error.to_string()),
         }
     }
@@ -356,7 +362,7 @@ pub(super) const PROBLEMS: [(u16, &str, &str); 19] = [
     (421, "ForeignHost", "The daemon is not known by the name that the request is addressed to"),
     (422, "TooLarge", "More is asked for than a limit allows"),
     (428, "PreconditionRequired", "A change needs If-Match or If-None-Match"),
-    (429, "Throttled", "Too many tries"),
+    (429, "Throttled", "Too many tries to log in, or too many changes by one user"),
     (431, "FieldsTooLarge", "The header fields are too large"),
     (500, "Internal", "The daemon met a fault of its own; its log says which"),
     (501, "Unsupported", "This daemon cannot do that"),

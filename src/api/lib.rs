@@ -17,6 +17,7 @@ mod calibration_vanishing;
 mod calibrations;
 mod camera_documents;
 mod cameras;
+mod change_budget;
 mod compress;
 mod conditions;
 mod connection;
@@ -189,6 +190,8 @@ struct Common {
     admission: admission::Admission,
     encoders: turns::Turns<String>,
     encoding_pace: encoding::EncodingPace,
+    /// Requests with bodies that take a processor for long.
+    large_bodies: turns::Turns<String>,
     /// Questions that take a processor for long.
     computations: turns::Turns<String>,
     /// Pictures of the past that are looked for, and drawn.
@@ -206,6 +209,8 @@ struct Common {
     tags: Arc<tags::KnownTags>,
     /// Lines that strangers may still have written into the log.
     stranger_lines: Arc<log_budget::LogBudget>,
+    /// Changes that users may still make.
+    change_budget: change_budget::ChangeBudget,
     /// Answers to jobs that were asked for with a key.
     answered: Arc<idempotency::Answered>,
     /// Scenes of other programs that are taken in at once.
@@ -289,6 +294,7 @@ pub fn router_within(
         admission: admission::Admission::new(&limits),
         encoders: turns::Turns::new(limits.encoders),
         encoding_pace: encoding::EncodingPace::default(),
+        large_bodies: turns::Turns::with_one_for_others(long_questions::at_once()),
         computations: turns::Turns::with_one_for_others(long_questions::at_once()),
         replays: turns::Turns::with_one_for_others(long_questions::at_once()),
         streams: frames::places(),
@@ -301,6 +307,7 @@ pub fn router_within(
         feeds: Arc::default(),
         tags: Arc::default(),
         stranger_lines: Arc::default(),
+        change_budget: change_budget::ChangeBudget::default(),
         answered: Arc::default(),
         imports: Arc::new(Semaphore::new(scene_exchange::AT_ONCE)),
         looks: source_looks::places(),

@@ -9,9 +9,9 @@ use videofields_recording::priority;
 use videofields_service::engine::{EngineError, Handle, LookedBack, ViewRequest};
 
 /// Returns how many of each kind are answered at once: half of the machine's processors, and two at least, so that there is one for who
-/// asks while another's takes long.
+/// asks while another's takes long. All kinds together are fewer than there are threads of a lower priority.
 pub(super) fn at_once() -> usize {
-    thread::available_parallelism().map_or(1, NonZero::get).div_ceil(2).max(2)
+    thread::available_parallelism().map_or(1, NonZero::get).div_ceil(2).clamp(2, 16)
 }
 
 impl Api {

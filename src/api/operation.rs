@@ -25,6 +25,8 @@ pub(super) struct Operation {
     pub(super) is_open: bool,
     /// Whether `Idempotency-Key` is heard.
     pub(super) is_once: bool,
+    /// True for a question that is asked by POST and changes nothing.
+    pub(super) keeps_nothing: bool,
 }
 
 /// Which conditions (RFC 9110, section 13) a method reads.
@@ -121,6 +123,7 @@ impl Operation {
             rights: Vec::new(),
             is_open: false,
             is_once: false,
+            keeps_nothing: false,
         }
     }
 
@@ -174,6 +177,12 @@ impl Operation {
     pub(super) fn once(mut self) -> Self {
         self.is_once = true;
         self.may_fail(&[409, 422])
+    }
+
+    /// A question that changes nothing, though it is asked by POST.
+    pub(super) fn keeps_nothing(mut self) -> Self {
+        self.keeps_nothing = true;
+        self
     }
 
     /// An answer that `If-None-Match` spares who has it already.
@@ -235,6 +244,10 @@ impl Operation {
         if kind == MethodKind::Change {
             // A page's change without proof that it is the page's own.
             all.insert(403);
+            if !self.keeps_nothing {
+                // A user's changes are bounded.
+                all.insert(429);
+            }
         }
         if !self.bodies.is_empty() {
             all.extend([408, 413]);

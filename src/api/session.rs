@@ -1,7 +1,8 @@
 //! `/api/v1/session`: who the caller is, and logging a page or a wall's screen in and out.
 
 use super::address;
-use super::audit::{Actor, Noted};
+use super::audit::{Actor, Noted, NothingChanged};
+use super::change_budget::ChangeKind;
 use super::content::Content;
 use super::error::Problem;
 use super::identity::{Asked, COOKIE, Credential, Identity, NOBODYS_TOKEN, SCREEN_COOKIE};
@@ -23,6 +24,9 @@ use serde_json::{Value, json};
 use std::time::Duration;
 use videofields_recording::accounts::{Attempt, Caller, SESSION_TIME};
 use videofields_vision::error::{ErrorKind, Fault};
+
+/// Path of the session.
+pub(super) const PATH: &str = "/api/v1/session";
 
 const NO_STORE: (header::HeaderName, &str) = (header::CACHE_CONTROL, "no-store");
 
@@ -52,10 +56,11 @@ pub(super) fn routes() -> Routes {
         .open()
         .may_fail(&[501])
         .answers(Answer::nothing(204, "Nobody is logged in").field("Set-Cookie", "None any more"));
-    Routes::of(users::TAG, NONE)
-        .get("/api/v1/session", self::show, show)
-        .post("/api/v1/session", self::log_in, log_in)
-        .delete("/api/v1/session", self::log_out, log_out)
+    Routes::of(users::TAG, NONE).get(PATH, self::show, show).post(PATH, self::log_in, log_in).delete(
+        PATH,
+        self::log_out,
+        log_out,
+    )
 }
 
 /// Who asks.
@@ -90,7 +95,6 @@ pub(super) async fn log_in(
                     tracing::warn!(user = ?shortened(&user), ?from, %error, n_left_out, "a log-in failed");
                 }
             })?;
-            tracing::info!(user, ?from, "logged in");
             let cookie = cookie(COOKIE, &logged.session, SESSION_TIME, secure);
             (
                 Identity { caller: logged.caller, credential: Some(Credential::Session(logged.session)) },
@@ -104,7 +108,6 @@ pub(super) async fn log_in(
                 }
                 return Err(Problem::new(ErrorKind::Unauthenticated, NOBODYS_TOKEN));
             };
-            tracing::info!(user = identity.caller.user, ?from, "a screen logged in");
             (identity, cookie(SCREEN_COOKIE, &token, SCREEN_TIME, secure))
         }
         _ => {
@@ -112,6 +115,19 @@ pub(super) async fn log_in(
             return Err(Problem::at(ErrorKind::Invalid, vec![Fault::new("", detail)]));
         }
     };
+    // Log-ins by password have bounds of their own: whoever has but a token of a user keeps nobody from logging in.
+    let kind = match &identity.credential {
+        Some(Credential::Session(_)) => ChangeKind::LogIn,
+        _ => ChangeKind::Other,
+    };
+    if let Some(Err(problem)) = identity.bounded_user().map(|user| api.spend_change(user, kind)) {
+        if let Some(Credential::Session(key)) = &identity.credential {
+            api.accounts()?.log_out(key);
+        }
+        return Err(problem);
+    }
+    let is_screen = matches!(identity.credential, Some(Credential::Screen(_)));
+    tracing::info!(user = identity.caller.user, ?from, is_screen, "logged in");
     let api = Api { identity, ..api };
     let mut response = ([NO_STORE], Json(document(&api))).into_response();
     response.headers_mut().insert(header::SET_COOKIE, cookie);
@@ -131,13 +147,17 @@ pub(super) async fn log_out(
 ) -> Result<Response, Problem> {
     Query::parse(raw.as_deref(), NONE).finish(Some(()))?;
     refuse_foreign(&api.site, &headers)?;
-    if let Some(Credential::Session(key)) = &api.identity.credential {
-        api.accounts()?.log_out(key);
-    }
+    let has_ended = match &api.identity.credential {
+        Some(Credential::Session(key)) => api.accounts()?.log_out(key),
+        _ => false,
+    };
     let secure = secure_attribute(&api, &headers);
     let mut response = (StatusCode::NO_CONTENT, [NO_STORE]).into_response();
     for name in [COOKIE, SCREEN_COOKIE] {
         response.headers_mut().append(header::SET_COOKIE, cookie(name, "", Duration::ZERO, secure));
+    }
+    if !has_ended {
+        response.extensions_mut().insert(NothingChanged);
     }
     Ok(response)
 }

@@ -43,6 +43,9 @@ struct TokenAsked {
 const SEGMENTS: &[Parameter] =
     &[Parameter::text("id", ("^[0-9a-z]{1,64}$", "7f3a"), "A token, not its secret")];
 
+/// Path of one token.
+pub(super) const ONE: &str = "/api/v1/tokens/{id}";
+
 /// Routes about tokens.
 pub(super) fn routes() -> Routes {
     let list = Operation::new("list_tokens", "The caller's tokens; all of an admin")
@@ -60,7 +63,7 @@ pub(super) fn routes() -> Routes {
     Routes::of(users::TAG, SEGMENTS)
         .get("/api/v1/tokens", self::list, list)
         .post("/api/v1/tokens", self::add, add)
-        .delete("/api/v1/tokens/{id}", self::remove, remove)
+        .delete(ONE, self::remove, remove)
 }
 
 /// The caller's tokens; all of an admin.

@@ -230,9 +230,9 @@ impl Accounts {
         Ok(LogIn { session, caller })
     }
 
-    /// Ends a session.
-    pub fn log_out(&self, key: &str) {
-        self.write().sessions.remove(&secret::digest(key));
+    /// Ends a session; returns true where there was one.
+    pub fn log_out(&self, key: &str) -> bool {
+        self.write().sessions.remove(&secret::digest(key)).is_some()
     }
 
     /// All users, in the order of their names.

@@ -3,14 +3,18 @@
 use super::Answer;
 use super::sockets::dial;
 use super::users::{House, PASSWORD, Shows, key};
-use axum::body::Body;
+use axum::body::{Body, Bytes};
 use axum::http::Request;
 use axum::response::Response;
+use futures_util::{StreamExt, stream};
 use serde_json::{Value, json};
+use std::convert::Infallible;
 use std::net::SocketAddr;
 use std::path::PathBuf;
 use std::sync::Arc;
+use std::time::Duration;
 use tokio::net::TcpListener;
+use tokio::sync::watch;
 use tokio_tungstenite::tungstenite::Error;
 use videofields_recording::store::DocumentKind;
 use videofields_service::catalog::{Catalog, CatalogError, Changer, Condition};
@@ -265,10 +269,160 @@ async fn what_one_user_removes_makes_nobody_elses_history_go() {
     assert_eq!((kept.status.as_u16(), &kept.json()["name"]), (200, &json!("as it was")));
 }
 
+impl Shared {
+    /// Returns the greedy user's entries of the audit log from the one after `number` on: action and status.
+    async fn entries_of_greedy(&self, mut number: i64) -> Vec<(String, i64)> {
+        let mut found = Vec::new();
+        loop {
+            let path = format!("/api/v1/audit?limit=200&cursor={number}");
+            let page = self.house.get(&path, Shows::Token(&self.root)).await.json();
+            let entries = page["entries"].as_array().unwrap();
+            let Some(last) = entries.last() else { return found };
+            number = last["number"].as_i64().unwrap();
+            let own = entries.iter().filter(|entry| entry["user"] == GREEDY);
+            let words = |entry: &Value| {
+                (entry["action"].as_str().unwrap().to_owned(), entry["status"].as_i64().unwrap())
+            };
+            found.extend(own.map(words));
+        }
+    }
+}
+
+#[tokio::test]
+async fn a_user_makes_so_many_changes_each_of_them_noted_and_gets_more_as_time_passes() {
+    let shared = Shared::new().await;
+    let (tokens, session) = ("/api/v1/tokens", "/api/v1/session");
+    let send = async |method: &str, path: &str, token: &str, body: Value| {
+        shared.house.send(method, path, Shows::Token(token), &[], body).await
+    };
+    let add = async |token: &str| send("POST", tokens, token, json!({})).await;
+    let logged = shared.house.log_in(GREEDY, PASSWORD).await;
+    let proof = logged.json()["csrf_token"].as_str().unwrap().to_owned();
+    for n in 0..1000 {
+        let made = add(&shared.greedy).await;
+        assert_eq!(made.status, 201, "{n}");
+        // What it ends does not count, nor does what is refused.
+        let path = format!("{tokens}/{}", made.json()["id"].as_str().unwrap());
+        assert_eq!(send("DELETE", &path, &shared.greedy, Value::Null).await.status, 204, "{n}");
+        assert_eq!(send("DELETE", &path, &shared.greedy, Value::Null).await.status, 404);
+    }
+    let refused = add(&shared.greedy).await;
+    let problem = refused.problem(429, tokens);
+    let detail = problem["detail"].as_str().unwrap();
+    assert!(detail.starts_with("this user made 1000 changes in a short time"), "{detail}");
+    assert_eq!(refused.field("retry-after"), "1");
+    let as_screen = json!({"token": shared.greedy});
+    shared.house.send("POST", session, Shows::Nothing, &[], as_screen).await.problem(429, session);
+    // Others change what they like, and it looks, asks what keeps nothing, logs in and out.
+    for token in [&shared.modest, &shared.root] {
+        assert_eq!(add(token).await.status, 201);
+    }
+    assert_eq!(send("GET", tokens, &shared.greedy, Value::Null).await.status, 200);
+    let solve = "/api/v1/calibrations/solve";
+    let pairs = json!({"image_size_px": [64, 48], "pairs": []});
+    assert_eq!(send("POST", solve, &shared.greedy, pairs).await.status, 400);
+    assert_eq!(shared.house.log_in(GREEDY, PASSWORD).await.status, 200);
+    let shown = Shows::Session(&key(&logged), Some(&proof));
+    let out = shared.house.send("DELETE", session, shown, &[], Value::Null).await;
+    assert_eq!(out.status, 204);
+    for _ in 0..3 {
+        // There is no session that it would end.
+        assert_eq!(send("DELETE", session, &shared.greedy, Value::Null).await.status, 204);
+    }
+    // Entries of all that it did, and one for what was refused: nothing is hidden behind many others.
+    let entries = shared.entries_of_greedy(0).await;
+    let count = |action: &str, status: i64| {
+        entries.iter().filter(|(done, came)| done == action && *came == status).count()
+    };
+    assert_eq!(count("POST /api/v1/tokens", 201), 1000);
+    assert_eq!(count("DELETE /api/v1/tokens/{id}", 204), 1000);
+    assert_eq!(count("DELETE /api/v1/tokens/{id}", 404), 1);
+    assert_eq!(count("POST /api/v1/tokens", 429), 1);
+    assert_eq!(count("POST /api/v1/session", 200), 2);
+    assert_eq!(count("DELETE /api/v1/session", 204), 2, "one that ended something, one for all others");
+    shared.house.forward(Duration::from_secs(2));
+    let changed = [add(&shared.greedy).await, add(&shared.greedy).await, add(&shared.greedy).await];
+    assert_eq!(changed.map(|answer| answer.status.as_u16()), [201, 201, 429]);
+}
+
+#[tokio::test]
+async fn log_ins_have_a_bound_of_their_own_and_leave_no_session_beyond_it() {
+    let shared = Shared::new().await;
+    let session = "/api/v1/session";
+    let mut last = None;
+    for n in 0..100 {
+        let logged = shared.house.log_in(MODEST, PASSWORD).await;
+        assert_eq!(logged.status, 200, "{n}");
+        last = Some(key(&logged));
+    }
+    let refused = shared.house.log_in(MODEST, PASSWORD).await;
+    let problem = refused.problem(429, session);
+    assert!(problem["detail"].as_str().unwrap().starts_with("this user made 100 log-ins"), "{problem}");
+    assert!(refused.headers.get("set-cookie").is_none());
+    let who = shared.house.get(session, Shows::Session(&last.unwrap(), None)).await.json();
+    assert_eq!(who["user"], MODEST, "sessions that there are hold");
+    let made = shared.house.send("POST", "/api/v1/tokens", Shows::Token(&shared.modest), &[], json!({}));
+    assert_eq!(made.await.status, 201);
+    shared.house.forward(Duration::from_secs(1));
+    assert_eq!(shared.house.log_in(MODEST, PASSWORD).await.status, 200);
+}
+
+#[tokio::test]
+async fn an_administrator_changes_without_a_bound() {
+    let shared = Shared::new().await;
+    for n in 0..1010 {
+        let sent =
+            shared.house.send("PUT", "/api/v1/playheads/wall", Shows::Token(&shared.root), &[], json!({}));
+        assert!(sent.await.status.is_success(), "{n}");
+    }
+}
+
+#[tokio::test]
+async fn users_take_turns_at_large_bodies() {
+    let shared = Shared::new().await;
+    // Scenes that do not end yet: each holds a turn.
+    let (end, ends) = watch::channel(());
+    let (first, last) = (Bytes::from(vec![b' '; 1 << 20]), Bytes::from_static(b" "));
+    let endless = || {
+        let pieces = [first.clone(), last.clone()].map(Ok::<_, Infallible>);
+        let mut ends = ends.clone();
+        let end = stream::once(async move {
+            ends.changed().await.unwrap();
+            Ok(Bytes::new())
+        });
+        Body::from_stream(stream::iter(pieces).chain(end))
+    };
+    let put = |path: String, token: &str, body: Body| {
+        let request = Request::put(path).header("authorization", format!("Bearer {token}"));
+        let request = request.header("if-none-match", "*");
+        let router = shared.house.bench.router.clone();
+        tokio::spawn(tower::ServiceExt::oneshot(router, request.body(body).unwrap()))
+    };
+    let held: Vec<_> = (0..n_long_of_one())
+        .map(|n| put(format!("/api/v1/scenes/endless-{n}"), &shared.root, endless()))
+        .collect();
+    let sleep = async || tokio::time::sleep(Duration::from_millis(300)).await;
+    sleep().await;
+    let large = || Body::from(vec![b'['; 40_000]);
+    let waiting = put("/api/v1/views/large".to_owned(), &shared.root, large());
+    sleep().await;
+    assert!(!waiting.is_finished(), "the last turn is for others");
+    let modest = put("/api/v1/views/large".to_owned(), &shared.modest, large()).await.unwrap().unwrap();
+    assert_eq!(modest.status(), 400);
+    let small = put("/api/v1/views/small".to_owned(), &shared.root, Body::from("[")).await.unwrap().unwrap();
+    assert_eq!(small.status(), 400, "a small one waits for nothing");
+    assert!(!waiting.is_finished());
+    end.send(()).unwrap();
+    for held in held {
+        assert_eq!(held.await.unwrap().unwrap().status(), 400, "it is no scene");
+    }
+    assert_eq!(waiting.await.unwrap().unwrap().status(), 400);
+}
+
 /// Questions of each kind that are answered at once, of one user all but one.
 fn n_long_of_one() -> usize {
     let n_processors = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
-    n_processors.div_ceil(2).max(2) - 1
+    n_processors.div_ceil(2).clamp(2, 16) - 1
 }
 
 impl Shared {
@@ -290,7 +444,7 @@ impl Shared {
             })
             .collect();
         while n_begun(&self.house) < n_long {
-            tokio::time::sleep(std::time::Duration::from_millis(5)).await;
+            tokio::time::sleep(Duration::from_millis(5)).await;
         }
         let modest = self.house.get(path, Shows::Token(&self.modest)).await;
         assert_eq!(modest.status, 200, "{path}: one turn is for others");
