@@ -276,6 +276,8 @@ fn a_camera_proves_its_name_or_is_left() {
             "{over_tcp:?}: {requests:?}"
         );
     }
+    let loose = odd(&folder, Oddities { over_tcp: OverTcp::GivenLoosely, ..Oddities::default() });
+    assert_eq!(Camera::connect(settings(&loose.url())).wait_frames(20).retries, 0);
 }
 
 /// A camera with a login, and the folder of its password.
