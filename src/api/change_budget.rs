@@ -1,8 +1,8 @@
 //! Bounds how much one user can change, since every change is an entry of the audit log.
 //!
-//! A user has a number of changes at hand ([`ChangeKind::most`]), and gets one back each [`INTERVAL`] (the generic cell rate algorithm, ITU-T I.371).
-//! Administrators are not bounded, nor is anybody while there are no users. A request that was refused counts for nothing: refusals have
-//! bounds of their own in the audit log.
+//! A user has a number of changes at hand ([`ChangeKind::most`]), and gets one back each [`INTERVAL`] (the generic cell rate algorithm,
+//! ITU-T I.371). Administrators are not bounded, nor is anybody while there are no users. A request that was refused counts for nothing:
+//! refusals have bounds of their own in the audit log.
 
 use super::Api;
 use super::error::Problem;
