@@ -114,7 +114,7 @@ impl Api {
     /// Spends a change of that user's.
     ///
     /// # Errors
-    /// When none is left.
+    /// [`ErrorKind::Throttled`](videofields_vision::error::ErrorKind::Throttled), if none is left.
     pub(super) fn spend_change(&self, user: &str, kind: ChangeKind) -> Result<(), Problem> {
         let spent = self.change_budget.spend((user, kind), self.clock.monotonic());
         spent.map_err(|wait| {
@@ -152,7 +152,7 @@ mod tests {
         assert_eq!(budget.spend(("ann", OTHER), start + INTERVAL), Err(INTERVAL), "a refusal costs nothing");
         budget.give_back("ann");
         assert_eq!(budget.spend(("ann", OTHER), start + INTERVAL), Ok(()));
-        // However long it waits, it has no more than at first.
+        // A long wait gives no more than there was at first.
         let later = start + INTERVAL * OTHER.most() * 3;
         assert!((0..OTHER.most()).all(|_| budget.spend(("ann", OTHER), later).is_ok()));
         assert_eq!(budget.spend(("ann", OTHER), later), Err(INTERVAL));

@@ -299,7 +299,7 @@ async fn a_user_makes_so_many_changes_each_of_them_noted_and_gets_more_as_time_p
     let logged = shared.house.log_in(GREEDY, PASSWORD).await;
     let proof = logged.json()["csrf_token"].as_str().unwrap().to_owned();
     for n in 0..1000 {
-        // What is refused does not count, nor does what it ends.
+        // A refused change does not count, nor does a token that is revoked.
         assert_eq!(send("POST", tokens, &shared.greedy, json!({"note": n})).await.status, 400);
         let made = add(&shared.greedy).await;
         assert_eq!(made.status, 201, "{n}");

@@ -191,8 +191,8 @@ impl<'a> Session<'a> {
         Err(refused.map_or(Fault::Connection(ConnectionFault::NoTransport), |(_, status)| refusal(status)))
     }
 
-    /// Asks for the stream over that transport; the status, where the camera refuses that. `refused` is the other,
-    /// where it refused that.
+    /// Asks for the stream over the transport `way`. Returns the camera's status where it refuses that one; `refused` is the other
+    /// transport with its status, where the camera refused it before.
     async fn set_up_over(
         &mut self,
         way: Transport,

@@ -1,7 +1,7 @@
 //! Ways on which cameras send packets: how they refuse one or answer with another, and which is asked for first.
 //!
-//! What is known of a stream is kept by its whole URL and by the transport that is wished for: of several streams of one recorder one
-//! may give nothing, and whoever wishes for another transport begins anew.
+//! Keeps its knowledge by a stream's whole URL and by the transport that is configured: one stream of a recorder may give nothing while
+//! its others play, and a camera that is configured for another transport begins anew.
 
 use crate::media::client::Peer;
 use sha2::{Digest, Sha256};
@@ -142,7 +142,7 @@ mod tests {
         let order = |wished| in_order(wished, url);
         let (tcp_first, udp_first) = ([Transport::Tcp, Transport::Udp], [Transport::Udp, Transport::Tcp]);
         assert_eq!([order(Transport::Tcp), order(Transport::Udp)], [tcp_first, udp_first]);
-        // However often it is told.
+        // A second silence changes nothing.
         for _ in 0..2 {
             remember_silence(Transport::Tcp, url, Transport::Tcp);
             assert_eq!([order(Transport::Tcp), order(Transport::Udp)], [udp_first; 2]);
