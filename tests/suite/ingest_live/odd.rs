@@ -94,7 +94,7 @@ fn a_transport_that_is_refused_is_followed_by_the_other() {
         "400 Bad Request",
         "500 Internal Server Error",
     ] {
-        let server = stays_live(Oddities { over_tcp: OverTcp::Refused(status), ..Oddities::default() }, 20);
+        let server = stays_live(Oddities { over_tcp: OverTcp::Refused(status), ..Oddities::default() }, 50);
         assert_eq!(n_of(&server, "SETUP"), 2, "{status}");
     }
     let server = OddCamera::start(Oddities { is_tcp_only: true, ..Oddities::default() });
