@@ -5,14 +5,28 @@
 #[cfg(target_env = "gnu")]
 const LARGE_BYTES: i32 = 256 << 10;
 
-/// Has large allocations made by the system, always. Left to itself the C library takes them from its heaps once some were
+/// Fewest and most heaps. Threads beyond these share them.
+#[cfg(target_env = "gnu")]
+const N_HEAPS: std::ops::RangeInclusive<usize> = 2..=32;
+
+/// Sets how the C library keeps memory; to be called before there are threads.
+///
+/// Large allocations are made by the system, always. Left to itself the C library takes them from its heaps once some were
 /// freed, where what is still in use keeps apart what is free: after a while of looking back, several times what is in use.
+///
+/// There are as many heaps as processors (two at least, 32 at most), whatever `MALLOC_ARENA_MAX` says. Left to itself the C library makes
+/// eight for each processor, and every one keeps as much as was ever in use of it at once: a flood of requests that reaches more and more
+/// threads makes the sum grow for minutes.
 #[cfg(target_env = "gnu")]
 #[expect(unsafe_code, reason = "nothing safe calls it")]
 pub fn settle() {
-    // SAFETY: it sets a number, under its own lock.
-    let is_set = unsafe { libc::mallopt(libc::M_MMAP_THRESHOLD, LARGE_BYTES) } == 1;
-    debug_assert!(is_set, "the threshold is in range");
+    let n_processors = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
+    let n_heaps = n_processors.clamp(*N_HEAPS.start(), *N_HEAPS.end()) as i32;
+    for (setting, number) in [(libc::M_MMAP_THRESHOLD, LARGE_BYTES), (libc::M_ARENA_MAX, n_heaps)] {
+        // SAFETY: it sets a number, under its own lock.
+        let is_set = unsafe { libc::mallopt(setting, number) } == 1;
+        debug_assert!(is_set, "the number is in range");
+    }
 }
 
 /// Other C libraries have no such setting, or need none.
@@ -21,7 +35,7 @@ pub const fn settle() {}
 
 /// Gives back what the C library keeps of freed memory, in whole pages; some milliseconds where that is much.
 ///
-/// Decoders allocate from many threads, each of which has a heap of its own, and what they free stays there for the next.
+/// Decoders allocate from many threads, and what they free stays in the heaps for the next.
 #[cfg(target_env = "gnu")]
 #[expect(unsafe_code, reason = "nothing safe calls it")]
 pub fn give_back() {
