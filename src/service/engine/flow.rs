@@ -11,7 +11,7 @@ use std::net::IpAddr;
 use std::sync::Arc;
 use std::time::Duration;
 
-/// Beginnings that lie no further apart than this count as equal: about what a piece takes on a small machine. A flow with less to do than
+/// Beginnings that lie no further apart than this count as equal: about what five pieces take on a small machine. A flow with less to do than
 /// others so never waits for more than the piece that is being drawn, and none gets ahead by more than this.
 pub(super) const ROUND: Duration = Duration::from_millis(200);
 

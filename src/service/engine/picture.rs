@@ -220,10 +220,9 @@ impl Subject {
 }
 
 /// Time that a piece of a picture takes about by the first guess of costs: others wait for it. Small machines take four times as long.
-const PIECE_TIME: Duration = Duration::from_millis(25);
+const PIECE_TIME: Duration = Duration::from_millis(10);
 
-/// Least time for which a picture with a deadline is planned, however many others wait: about what its first piece takes, which nobody
-/// interrupts.
+/// Least time for which a picture with a deadline is planned, however many others wait: what its first pieces take on a small machine.
 pub(super) const LEAST_SHARE: Duration = Duration::from_millis(150);
 
 /// Factor by which any other device is taken to be faster than two processors.
