@@ -195,7 +195,7 @@ pub(super) async fn note(
     let is_unknown = identity.is_none_or(Identity::is_stranger);
     let mut user = identity.and_then(|identity| identity.caller.user.clone());
     let may_change = line.matched.is_some() && is_change(&line.method, line.route(), &line.uri);
-    let spender = identity.and_then(Identity::bounded_user).map(str::to_owned);
+    let spender = identity.and_then(|identity| identity.caller.bounded_user()).map(str::to_owned);
     let spender = spender.filter(|_| may_change && is_counted(&line.method, line.route()));
     let spent = spender.as_deref().map_or(Ok(()), |user| api.spend_change(user, ChangeKind::Other));
     let is_over_budget = spent.is_err();

@@ -64,11 +64,6 @@ impl Identity {
         self.caller.user.is_none() && !self.caller.grants.is_everything()
     }
 
-    /// Returns the user, unless it is an administrator: whoever has bounds of its own.
-    pub(super) fn bounded_user(&self) -> Option<&str> {
-        self.caller.user.as_deref().filter(|_| self.caller.grants.role() != Role::Admin)
-    }
-
     /// Whose screen a token makes a browser; none if the token is nobody's.
     pub(super) fn screen(accounts: &Accounts, token: String) -> Option<Self> {
         Self::of(accounts, Credential::Screen(token))

@@ -22,7 +22,7 @@ use axum::response::{IntoResponse, Response};
 use serde::Deserialize;
 use serde_json::{Value, json};
 use std::time::Duration;
-use videofields_recording::accounts::{Attempt, Caller, SESSION_TIME};
+use videofields_recording::accounts::{AccountError, Attempt, Caller, SESSION_TIME};
 use videofields_vision::error::{ErrorKind, Fault};
 
 /// Path of the session.
@@ -90,11 +90,18 @@ pub(super) async fn log_in(
         Credentials { user: Some(user), password: Some(password), token: None } => {
             let address = address::of_log_in(api.connection.peer(), &headers, &api.site.trusted_proxies);
             let attempt = Attempt { name: &user, address };
-            let logged = api.accounts()?.log_in(attempt, &password).await.inspect_err(|error| {
+            let accounts = api.accounts()?;
+            let log_failure = |error: &AccountError| {
                 if let Some(n_left_out) = api.stranger_lines.spend(api.clock.monotonic()) {
                     tracing::warn!(user = ?shortened(&user), ?from, %error, n_left_out, "a log-in failed");
                 }
-            })?;
+            };
+            let verified = accounts.check_password(attempt, &password).await.inspect_err(log_failure)?;
+            // Before there is a session, which would end the user's oldest one.
+            if let Some(bounded) = verified.caller().bounded_user() {
+                api.spend_change(bounded, ChangeKind::LogIn)?;
+            }
+            let logged = accounts.begin_session(verified).inspect_err(log_failure)?;
             let cookie = cookie(COOKIE, &logged.session, SESSION_TIME, secure);
             (
                 Identity { caller: logged.caller, credential: Some(Credential::Session(logged.session)) },
@@ -108,6 +115,10 @@ pub(super) async fn log_in(
                 }
                 return Err(Problem::new(ErrorKind::Unauthenticated, NOBODYS_TOKEN));
             };
+            // Not a log-in's bound: whoever has but a token of a user keeps nobody from logging in.
+            if let Some(bounded) = identity.caller.bounded_user() {
+                api.spend_change(bounded, ChangeKind::Other)?;
+            }
             (identity, cookie(SCREEN_COOKIE, &token, SCREEN_TIME, secure))
         }
         _ => {
@@ -115,17 +126,6 @@ pub(super) async fn log_in(
             return Err(Problem::at(ErrorKind::Invalid, vec![Fault::new("", detail)]));
         }
     };
-    // Log-ins by password have bounds of their own: whoever has but a token of a user keeps nobody from logging in.
-    let kind = match &identity.credential {
-        Some(Credential::Session(_)) => ChangeKind::LogIn,
-        _ => ChangeKind::Other,
-    };
-    if let Some(Err(problem)) = identity.bounded_user().map(|user| api.spend_change(user, kind)) {
-        if let Some(Credential::Session(key)) = &identity.credential {
-            api.accounts()?.log_out(key);
-        }
-        return Err(problem);
-    }
     let is_screen = matches!(identity.credential, Some(Credential::Screen(_)));
     tracing::info!(user = identity.caller.user, ?from, is_screen, "logged in");
     let api = Api { identity, ..api };

@@ -62,6 +62,14 @@ pub struct Caller {
     pub since: Timestamp,
 }
 
+impl Caller {
+    /// Returns the user, unless it is an administrator: administrators have no bounds of their own.
+    #[must_use]
+    pub fn bounded_user(&self) -> Option<&str> {
+        self.user.as_deref().filter(|_| self.grants.role() != Role::Admin)
+    }
+}
+
 /// A page that logged in.
 #[derive(Clone, Debug)]
 pub struct LogIn {
@@ -69,6 +77,23 @@ pub struct LogIn {
     pub session: String,
     /// Who it is.
     pub caller: Caller,
+}
+
+/// User whose password was checked and was right.
+#[derive(Debug)]
+pub struct VerifiedUser {
+    id: String,
+    /// Digest that the password was checked against.
+    password: Option<String>,
+    caller: Caller,
+}
+
+impl VerifiedUser {
+    /// Returns the user as a caller without a session.
+    #[must_use]
+    pub const fn caller(&self) -> &Caller {
+        &self.caller
+    }
 }
 
 #[derive(Debug)]
@@ -200,12 +225,16 @@ impl Accounts {
         Some(user.caller(Some(session.csrf_token.clone())))
     }
 
-    /// Logs a page in.
+    /// Checks a password, without logging anybody in.
     ///
     /// # Errors
     /// [`AccountError::WrongPassword`], whether or not there is such a user; [`AccountError::Throttled`] after several of
-    /// these; [`AccountError::NoRandomness`].
-    pub async fn log_in(&self, attempt: Attempt<'_>, password: &str) -> Result<LogIn, AccountError> {
+    /// these; those of hashing.
+    pub async fn check_password(
+        &self,
+        attempt: Attempt<'_>,
+        password: &str,
+    ) -> Result<VerifiedUser, AccountError> {
         let (now, id) = (self.clock.monotonic(), attempt.name);
         if id.len() > MAX_NAME_BYTES {
             // Nobody's, and nothing to remember.
@@ -219,14 +248,25 @@ impl Accounts {
         let kept = self.read().users.get(id).and_then(|user| user.record.password.clone());
         let (given, tried) = (password.to_owned(), kept.clone());
         let is_right = self.hashed(move || secret::is_password(&given, tried.as_deref())).await?;
+        let book = self.read();
+        let user = book.users.get(id).filter(|user| is_right && user.record.password == kept);
+        let caller = user.map(|user| user.caller(None)).ok_or(AccountError::WrongPassword)?;
+        self.throttle().succeeded(attempt, before);
+        Ok(VerifiedUser { id: id.to_owned(), password: kept, caller })
+    }
+
+    /// Begins a session of a user whose password was checked. The user's oldest session makes room for it.
+    ///
+    /// # Errors
+    /// [`AccountError::WrongPassword`] if the password has changed since it was checked; [`AccountError::NoRandomness`].
+    pub fn begin_session(&self, verified: VerifiedUser) -> Result<LogIn, AccountError> {
         let session = secret::secret()?;
         let csrf_token = secret::secret()?;
         let mut book = self.write();
-        let user = book.users.get(id).filter(|user| is_right && user.record.password == kept);
-        let caller =
-            user.map(|user| user.caller(Some(csrf_token.clone()))).ok_or(AccountError::WrongPassword)?;
-        self.throttle().succeeded(attempt, before);
-        book.add_session(secret::digest(&session), (id, csrf_token), now);
+        let user = book.users.get(&verified.id).filter(|user| user.record.password == verified.password);
+        let caller = user.map(|user| user.caller(Some(csrf_token.clone())));
+        let caller = caller.ok_or(AccountError::WrongPassword)?;
+        book.add_session(secret::digest(&session), (&verified.id, csrf_token), self.clock.monotonic());
         Ok(LogIn { session, caller })
     }
 

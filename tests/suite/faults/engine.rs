@@ -271,17 +271,16 @@ async fn a_clock_that_is_set_ends_no_session_and_shortens_no_pause_after_wrong_p
     let folder = TempDir::new().unwrap();
     let clock = Arc::new(SteppedClock { system: SystemClock::new(), step_secs: AtomicI64::new(0) });
     let accounts = accounts(folder.path(), &clock).await;
-    let session = accounts
-        .log_in(Attempt { name: "root", address: None }, "correct horse battery")
-        .await
-        .unwrap()
-        .session;
+    let root = Attempt { name: "root", address: None };
+    let verified = accounts.check_password(root, "correct horse battery").await.unwrap();
+    let session = accounts.begin_session(verified).unwrap().session;
     let until = clock.now().saturating_add_nanos(1_800_000_000_000);
     let (_, brief) = accounts.add_token("root", String::new(), Some(until)).await.unwrap();
     let (_, lasting) = accounts.add_token("root", String::new(), None).await.unwrap();
     let mut is_throttled = false;
     for _ in 0..8 {
-        let refused = accounts.log_in(Attempt { name: "ann", address: None }, "wrong").await.unwrap_err();
+        let refused =
+            accounts.check_password(Attempt { name: "ann", address: None }, "wrong").await.unwrap_err();
         is_throttled = matches!(refused, AccountError::Throttled { .. });
     }
     assert!(is_throttled);
@@ -292,7 +291,8 @@ async fn a_clock_that_is_set_ends_no_session_and_shortens_no_pause_after_wrong_p
         assert!(accounts.by_session(&session).is_some(), "a session lasts so long, whatever is on the wall");
         assert!(accounts.by_token(&lasting).is_some());
         assert_eq!(accounts.by_token(&brief).is_some(), is_good, "a token ends at an instant");
-        let refused = accounts.log_in(Attempt { name: "ann", address: None }, "wrong").await.unwrap_err();
+        let refused =
+            accounts.check_password(Attempt { name: "ann", address: None }, "wrong").await.unwrap_err();
         assert!(matches!(refused, AccountError::Throttled { .. }), "{step_secs} s: {refused}");
         // What is written meanwhile has a time that can be told.
         let (made, _) = accounts.add_token("root", format!("{step_secs}"), None).await.unwrap();
